@@ -54,8 +54,9 @@ inline CameraImage read_camera_image(const std::filesystem::path& path, const Na
 /// A mask in the orientation of its photograph: it is turned by its own Exif data, or as the photograph is if its size
 /// shows that it was made of the picture as stored.
 ///
-/// Errors  ShapeError for another size.
-inline PixelImage fitted_mask(const std::filesystem::path& path, const StoredMask& mask, const CameraImage& photo) {
+/// Errors  ShapeError for another size; `whose` ends the message.
+inline PixelImage fitted_mask(const std::filesystem::path& path, const StoredMask& mask, const CameraImage& photo,
+                              const std::string& whose = {}) {
     const PixelImage& image = photo.image;
     const auto fits = [&](int width, int height) { return width == image.width && height == image.height; };
     const bool square = mask.values.width == mask.values.height;
@@ -69,7 +70,7 @@ inline PixelImage fitted_mask(const std::filesystem::path& path, const StoredMas
     if (!fits(result.width, result.height))
         throw ShapeError(path.string() + ": is " + std::to_string(mask.values.width) + " x " +
                          std::to_string(mask.values.height) + " pixels, expected " + std::to_string(image.width) +
-                         " x " + std::to_string(image.height));
+                         " x " + std::to_string(image.height) + whose);
     return result;
 }
 

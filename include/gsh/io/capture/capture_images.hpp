@@ -121,12 +121,12 @@ void load_all(E& executor, std::size_t count, const Load& load) {
         if (failure) std::rethrow_exception(failure);
 }
 
-/// FOLDER/NAME.png, .jpg or .jpeg, the first that exists; the .png if none does, for the error message.
+/// The PNG or JPEG file NAME of a folder, the first in order; NAME.png if there is none, for the error message.
 inline std::filesystem::path image_path(const std::filesystem::path& folder, const std::string& name) {
-    std::error_code ignored;
-    for (const char* extension : {".png", ".jpg", ".jpeg"})
-        if (auto path = folder / (name + extension); std::filesystem::exists(path, ignored)) return path;
-    return folder / (name + ".png");
+    const auto is_called = [&](const std::filesystem::path& path) { return path.stem().string() == name; };
+    const auto files = list_images(folder);
+    const auto found = std::find_if(files.rbegin(), files.rend(), is_called); // a .png before a .jpg
+    return found != files.rend() ? *found : folder / (name + ".png");
 }
 
 /// Throws ValueError if a background has a transparent pixel.

@@ -119,7 +119,7 @@ std::vector<Image<std::uint8_t>> load_person_masks(E& executor, const std::files
         const NamedCamera& camera = cameras[c];
         CameraImage photo; // the mask's own size and orientation must be the camera's
         photo.image = PixelImage(4, camera.camera.height, camera.camera.width);
-        const PixelImage file = fitted_mask(files[c][f], stored[i], photo);
+        const PixelImage file = fitted_mask(files[c][f], stored[i], photo, ", as camera '" + camera.name + "' says");
         PixelImage alpha(4, file.height, file.width);
         set_alpha(file, alpha, meanings[c]);
         if (camera.distortion) alpha = straighten(alpha, camera);
