@@ -35,6 +35,7 @@ namespace {
 /// The configuration `static`: one frame as a 3DGS scene, without a body.
 int reconstruct_scene(Machine& machine, OutputFolder& out, const ReconstructOptions& options) {
     const StaticSource source = load_static_source(options.capture, options.frame);
+    for (const std::string& warning : source.warnings) warn(warning);
     const StaticOptions chosen = static_options(options);
     watch_interrupts();
     const StaticResult result = reconstruct_static(machine, source, chosen);

@@ -202,6 +202,7 @@
 #include <gsh/train/frame_doubt.hpp>
 #include <gsh/train/frame_increments.hpp>
 #include <gsh/train/frozen_scene.hpp>
+#include <gsh/train/keypoint_scale.hpp>
 #include <gsh/train/keypoint_term.hpp>
 #include <gsh/train/light_estimate.hpp>
 #include <gsh/train/light_samples.hpp>

@@ -126,6 +126,46 @@ TEST_CASE("faults are named, and the exit code says that there are some") {
     CHECK(empty[0].at("images")[0].at("frame") == 1);
 }
 
+TEST_CASE("masks whose numbers are unclear are named by both programs, and an empty one costs only its photograph") {
+    const test::Temporary folder;
+    const fs::path path = folder / "capture", out = folder / "out", trained = folder / "trained";
+    Capture capture = studio().capture;
+    save_capture(path, capture);
+    const auto write_masks = [&](std::uint8_t first, std::uint8_t second) { // one for each of two frames
+        for (std::size_t i = 0; i < capture.images.size(); ++i) {
+            const PixelImage& image = capture.images[i];
+            PixelImage mask(1, image.height, image.width);
+            for (std::size_t p = 0; p < mask.data.size(); ++p)
+                mask.data[p] = image.data[4 * p + 3] < 128 ? std::uint8_t(0) : i % 2 ? second : first;
+            const fs::path place = path / "masks" / capture.cameras[i / 2].name;
+            fs::create_directories(place);
+            write_png(place / (i % 2 ? "0001.png" : "0000.png"), mask);
+        }
+    };
+    const std::vector<std::string> train = studio().reconstruct(trained, {"--steps", "5"}, path);
+    write_masks(1, 2);
+    for (const auto& line : {words(path, out), train})
+        check_refused(run(line), line[0], {"masks/cam00/0000.png", "labels 0, 1, 2", "255 for the labels of people"});
+    write_masks(128, 128);
+    test::Outcome outcome = run(words(path, out));
+    CHECK(outcome.code == 0);
+    CHECK(outcome.err.find("the masks of camera 'cam00' hold 0, 128 instead of 0 and 255") != std::string::npos);
+    CHECK(outcome.out.find("nothing suspicious") != std::string::npos);
+
+    write_masks(255, 255);
+    write_png(path / "masks/cam01/0001.png", PixelImage(1, 64, 64));
+    outcome = run(words(path, out));
+    CHECK(outcome.code == 1);
+    CHECK(outcome.out.find("empty-masks (cam01/1)") != std::string::npos);
+    CHECK(outcome.out.find("training leaves these images out") != std::string::npos);
+    outcome = run(train);
+    INFO(outcome.err);
+    CHECK(outcome.code == 0);
+    CHECK(outcome.err.find("1 of 6 photographs have an empty mask and are left out: images/cam01/0001.png") !=
+          std::string::npos);
+    CHECK(fs::exists(trained / "avatar.gsh"));
+}
+
 TEST_CASE("exposure that drifts is advice: printed, in the file, and no fault") {
     const test::Temporary folder;
     Capture capture = studio().capture;

@@ -12,6 +12,7 @@
 #include <gsh/body/joint_error.hpp>
 #include <gsh/camera/pinhole.hpp>
 #include <gsh/image/color.hpp>
+#include <gsh/io/file/folder_list.hpp>
 #include <gsh/io/image/image_file.hpp>
 #include <gsh/io/model/avatar_file.hpp>
 #include <gsh/io/motion/motion_file.hpp>
@@ -321,6 +322,18 @@ TEST_CASE("a run with keypoints and a doubted frame resumes with the same bits, 
         CHECK((registration.at("frame_weights").at(t) < 0.25) == (t == SpoiltTurn::wrong_frame));
     check_refused(reconstruct(parts, {"--refine", "--steps", "60", "--resume"}, scene.path), "gsh-reconstruct",
                   {"checkpoint.gsh", "keypoints"});
+    // Keypoints that were found in images of half the size, or are scaled to 0…1.
+    for (const double scale : {0.5, 1.0 / 32}) { // the second after the first
+        for (const auto& file : list_files_below(scene.path / "keypoints")) {
+            auto json = nlohmann::json::parse(read_file(file));
+            auto& points = json["people"][0]["pose_keypoints_2d"];
+            for (std::size_t k = 0; k < points.size(); ++k)
+                if (k % 3 != 2) points[k] = points[k].get<double>() * scale;
+            write_file(file, json.dump());
+        }
+        check_refused(run(words(whole)), "gsh-reconstruct",
+                      {"keypoints", scale == 0.5 ? "0.50 times as far" : "not pixels, but scaled to 0"});
+    }
 }
 
 TEST_CASE("regions of the user's decide where Gaussians and fine levels go") {

@@ -55,7 +55,8 @@ std::vector<EstimatedPriors> priors_of_file(const std::filesystem::path& path, c
     return read_prior_views(path, capture.cameras, capture.frame_count(), people);
 }
 std::vector<PhotoKeypoints> keypoints_of_file(const std::filesystem::path& path, const Capture& capture) {
-    std::vector<PhotoKeypoints> keypoints = load_keypoints(path, capture.cameras, capture.frame_count());
+    std::vector<PhotoKeypoints> keypoints =
+        load_keypoints(path, capture.cameras, capture.frame_count(), capture.image_names);
     std::erase_if(keypoints, [&](const PhotoKeypoints& photo) {
         return !capture.is_training({photo.camera, photo.frame}) || !capture.is_taken({photo.camera, photo.frame});
     });

@@ -6,8 +6,10 @@
 
 #include <gsh/body/joint_error.hpp>
 #include <gsh/body/pose_jumps.hpp>
+#include <gsh/core/error.hpp>
 #include <gsh/cpu.hpp>
 #include <gsh/io/capture/photos.hpp>
+#include <gsh/train/keypoint_scale.hpp>
 #include <gsh/train/registration.hpp>
 
 #include <algorithm>
@@ -38,6 +40,15 @@ std::size_t give_keypoints(const Source& source, std::vector<RegisteredPerson>& 
         joints.push_back(joints_by_name(*person.body));
         posed.push_back(motion_joints(*person.body, *person.motion));
     }
+    const auto scales =
+        keypoint_scales(source.keypoints, cameras, posed, joints, source.capture.frame_count());
+    for (std::size_t c = 0; c < cameras.size(); ++c)
+        if (scales[c])
+            throw ValueError("--keypoints: those of camera '" + source.capture.cameras[c].name + "' are " +
+                             fixed(*scales[c], 2) + " times as far from the image's corner as the joints that they " +
+                             "show, so they were found in images of another size; detect on images of " +
+                             std::to_string(cameras[c].width) + " x " + std::to_string(cameras[c].height) +
+                             ", the size in which gsh reads them");
     auto found = keypoints_of_people(source.keypoints, cameras, posed, joints, source.capture.frame_count());
     std::size_t count = 0;
     for (std::size_t p = 0; p < people.size(); ++p) {

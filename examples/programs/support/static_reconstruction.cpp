@@ -16,6 +16,7 @@
 #include <gsh/core/rng.hpp>
 #include <gsh/cpu.hpp>
 #include <gsh/io/capture/camera_file.hpp>
+#include <gsh/io/capture/capture_photos.hpp>
 #include <gsh/io/capture/colmap.hpp>
 #include <gsh/io/capture/colmap_image.hpp>
 #include <gsh/io/splat/ply.hpp>
@@ -37,24 +38,41 @@ void add_photo(StaticSource& source, const std::string& name, const Camera<doubl
     (test ? source.test : source.training).push_back({name, camera, frame, source.images.back().data});
 }
 
+/// Leaves out photographs whose mask is empty: they show nothing of the scene.
+void leave_out(StaticSource& source, const std::string& folder, const std::vector<std::string>& empty) {
+    check_value(!source.training.empty(), folder, "no photograph for training has a mask that shows something");
+    if (!empty.empty())
+        source.warnings.push_back(folder + ": " + std::to_string(empty.size()) +
+                                  " photographs have an empty mask and are left out: " +
+                                  gsh::detail::listing(empty.size(), 6, [&](std::size_t i) { return empty[i]; }));
+}
+
 /// Loads the cameras and images of one frame of a capture. It needs neither a body nor poses.
 StaticSource load_capture_frame(const std::filesystem::path& folder, std::size_t frame) {
     StaticSource source;
     source.name = std::filesystem::weakly_canonical(folder).filename().string() + ", frame " + std::to_string(frame);
-    for (const NamedCamera& camera : cameras_of_file(folder / "cameras.json").cameras) {
-        const auto read = [&](const char* kind) {
+    Capture capture; // its frames are this one
+    capture.cameras = cameras_of_file(folder / "cameras.json").cameras;
+    capture.motion.transl.resize(1);
+    std::vector<std::filesystem::path> images, masks;
+    for (const NamedCamera& camera : capture.cameras) {
+        const auto find = [&](const char* kind) {
             const auto files = gsh::detail::list_images(folder / kind / camera.name);
             check_value(frame < files.size(), (folder / kind / camera.name).string(),
                         "has " + std::to_string(files.size()) + " images, expected frame " + std::to_string(frame) +
                             " among them");
-            PixelImage image = read_image(files[frame]);
-            gsh::detail::check_image_size(files[frame], image, camera);
-            return image;
+            return files[frame];
         };
-        PixelImage image = read("images");
-        if (std::filesystem::is_directory(folder / "masks")) gsh::detail::apply_mask(read("masks"), image);
-        if (camera.distortion) image = gsh::detail::straighten(image, camera);
-        add_photo(source, camera.name, camera.camera, std::move(image), camera.role == NamedCamera::Role::test, frame);
+        images.push_back(find("images"));
+        if (std::filesystem::is_directory(folder / "masks")) masks.push_back(find("masks"));
+    }
+    cpu::Threads backend;
+    gsh::detail::load_photos(backend, images, masks, 1, {}, folder, capture, &source.warnings);
+    for (std::size_t c = 0; c < capture.cameras.size(); ++c) {
+        const NamedCamera& camera = capture.cameras[c];
+        if (capture.is_taken({c, 0}))
+            add_photo(source, camera.name, camera.camera, std::move(capture.images[c]),
+                      camera.role == NamedCamera::Role::test, frame);
     }
     return source;
 }
@@ -66,12 +84,17 @@ StaticSource load_colmap_source(const std::filesystem::path& folder, std::size_t
     StaticSource source;
     source.name = std::filesystem::weakly_canonical(folder).filename().string();
     const std::filesystem::path masks = std::filesystem::is_directory(folder / "masks") ? folder / "masks" : "";
+    std::vector<std::string> empty;
     for (std::size_t i = 0; i < scene.images.size(); ++i) {
         StraightImage straight = read_colmap_image(scene.images[i], folder / "images", masks);
         std::string name = std::filesystem::path(scene.images[i].name).replace_extension().string();
         std::replace(name.begin(), name.end(), '/', '_');
-        add_photo(source, name, straight.camera, std::move(straight.image), hold != 0 && i % hold == 0);
+        if (gsh::detail::shows_person(straight.image))
+            add_photo(source, name, straight.camera, std::move(straight.image), hold != 0 && i % hold == 0);
+        else
+            empty.push_back(scene.images[i].name);
     }
+    leave_out(source, folder.string(), empty);
     if (!scene.points.empty()) source.points = ColoredPoints{std::move(scene.points), std::move(scene.colors)};
     return source;
 }
@@ -97,8 +120,9 @@ StaticSource static_source(const Capture& capture, std::size_t frame) {
     source.name = capture.name + ", frame " + std::to_string(frame);
     for (std::size_t c = 0; c < capture.cameras.size(); ++c) {
         const NamedCamera& camera = capture.cameras[c];
-        add_photo(source, camera.name, camera.camera, capture.image({c, frame}),
-                          camera.role == NamedCamera::Role::test, frame);
+        if (capture.is_taken({c, frame}))
+            add_photo(source, camera.name, camera.camera, capture.image({c, frame}),
+                      camera.role == NamedCamera::Role::test, frame);
     }
     return source;
 }

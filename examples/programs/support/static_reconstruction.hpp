@@ -32,6 +32,7 @@ struct StaticSource {
     std::string name;
     std::vector<PixelImage> images;        ///< the pixels of the photographs
     std::vector<Photo> training, test;
+    std::vector<std::string> warnings;     ///< of the reader
     std::optional<ColoredPoints> points;   ///< of structure from motion; else the masks' visual hull is filled
 
     StaticSource() = default;

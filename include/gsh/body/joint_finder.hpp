@@ -124,10 +124,7 @@ private:
     [[nodiscard]] const std::string& name(int joint) const { return rig_.names[static_cast<std::size_t>(joint)]; }
     [[nodiscard]] std::string quoted(int joint) const { return "'" + shortened(name(joint)) + "'"; }
     [[nodiscard]] static std::string joined(const std::vector<std::string>& texts) {
-        constexpr std::size_t most = 60;
-        std::string all;
-        for (std::size_t i = 0; i < std::min(most, texts.size()); ++i) all += (i ? ", " : "") + texts[i];
-        return texts.size() > most ? all + " and " + std::to_string(texts.size() - most) + " more" : all;
+        return listing(texts.size(), 60, [&](std::size_t i) { return texts[i]; });
     }
     int& at(std::string_view joint) { return matched_[static_cast<std::size_t>(smplx_joint(joint))]; }
     [[nodiscard]] int at(std::string_view joint) const {

@@ -2,9 +2,9 @@
 /// @file  Names of joints: those of the SMPL family, and the side and part that a rig's own name stands for.
 #pragma once
 
-#include <gsh/core/message.hpp>
 #include <gsh/body/body_model.hpp>
 #include <gsh/body/joint_name_table.hpp>
+#include <gsh/core/message.hpp>
 
 #include <algorithm>
 #include <array>

@@ -133,7 +133,10 @@ private:
         CaptureFinding empty{.fault = "empty-masks", .measure = "share of images without a mask"};
         CaptureFinding opaque{.fault = "no-masks", .measure = "share of images that are opaque everywhere"};
         for (const ViewCheck& v : result_.views) {
-            if (v.mask == ViewCheck::Mask::empty) empty.views.push_back(v.view);
+            // Where no body is in view, an empty mask is right.
+            const bool in_view = std::any_of(v.people.begin(), v.people.end(),
+                                             [](const ViewCheck::Person& person) { return person.inside > 0.1; });
+            if (v.mask == ViewCheck::Mask::empty && in_view) empty.views.push_back(v.view);
             if (v.mask == ViewCheck::Mask::opaque && !capture_.background(v.view.camera))
                 opaque.views.push_back(v.view);
         }
@@ -142,8 +145,8 @@ private:
             finding->given = static_cast<double>(finding->views.size()) / static_cast<double>(result_.views.size());
             add(*finding, "usual",
                 finding == &empty
-                    ? "segment these images again or leave them out; training would learn an empty scene"
-                    : "store the person's mask as alpha, or in masks/");
+                    ? "training leaves these images out; segment them again if the person is in them"
+                    : "store the person's mask as alpha, 255 on the person and 0 elsewhere, or in masks/");
         }
     }
 
@@ -299,7 +302,8 @@ private:
         single.given = sum / static_cast<double>(single.views.size());
         single.mended = reference / static_cast<double>(single.views.size());
         add(single, "in the same cameras' other images",
-            "the pose or the mask failed there: look at the overlays, then mend these images or leave them out");
+            std::string("the pose or the mask failed there: look at the overlays, then mend these images or ") +
+                leave_out_remedy);
     }
 
     /// Measures holes of masks and exposures, where bodies and masks agree.

@@ -5,6 +5,7 @@
 #include <gsh/check/capture_reading.hpp>
 #include <gsh/check/capture_words.hpp>
 #include <gsh/io/capture/capture_data.hpp>
+#include <gsh/io/file/text_lines.hpp>
 #include <gsh/math/spread.hpp>
 #include <gsh/math/vec.hpp>
 
@@ -70,14 +71,6 @@ struct CaptureCheck {
 };
 
 namespace detail {
-
-/// "a, b and 4 more".
-template <class Name>
-std::string listing(std::size_t count, std::size_t most, const Name& name) {
-    std::string text;
-    for (std::size_t i = 0; i < std::min(most, count); ++i) text += (i ? ", " : "") + name(i);
-    return text + (count > most ? " and " + std::to_string(count - most) + " more" : "");
-}
 
 /// The images, cameras or poses that a finding concerns.
 inline std::string place_text(const Capture& capture, const CaptureFinding& finding) {
@@ -176,7 +169,7 @@ struct ExposureDrift {
                         }) +
                         (removed ? ": mend them, and keep the photograph's own colours where alpha is 0, so that "
                                    "training need not believe the masks' outlines"
-                                 : ": mend these masks or leave the images out"));
+                                 : std::string(": mend these masks, or ") + detail::leave_out_remedy));
     return lines;
 }
 

@@ -31,9 +31,11 @@ inline std::string digits(double value, int count) {
     return text;
 }
 
-inline constexpr auto absence_remedy = "no person in the images has these poses: leave them out, or look for another "
-                                       "fault of these poses, or for masks that "
-                                       "omit a person";
+inline constexpr auto absence_remedy = "no person in the images has these poses: leave them out of --poses, or look "
+                                       "for another fault of these poses, or for masks that omit a person";
+
+/// How to leave out a photograph: every layout has a place for it.
+inline constexpr auto leave_out_remedy = "leave them out with an empty mask (black, or alpha 0 everywhere)";
 
 } // namespace detail
 
@@ -169,7 +171,7 @@ inline std::string remedy_text(const Aspect& aspect, const CaptureReading& readi
     };
     switch (aspect.kind) {
     case Kind::inverted_mask:
-        return "store alpha 255 on the person, 0 elsewhere";
+        return "store alpha (or masks/) 255 on the person, 0 elsewhere";
     case Kind::mirrored_image:
         return "flip images and masks back (front cameras of phones mirror)";
     case Kind::extrinsics: {
@@ -194,8 +196,9 @@ inline std::string remedy_text(const Aspect& aspect, const CaptureReading& readi
     }
     case Kind::resolution:
         return "K is for images of another size: " + each([](const Camera<double>& c, const CameraReading& r) {
-                   return "store fx " + detail::digits(c.fx / r.resolution, 1) + ", cx " +
-                          detail::digits(c.cx / r.resolution, 1);
+                   const Camera<double> moved = read_as(c, r);
+                   return "store fx " + detail::digits(moved.fx, 1) + ", fy " + detail::digits(moved.fy, 1) + ", cx " +
+                          detail::digits(moved.cx, 1) + ", cy " + detail::digits(moved.cy, 1);
                });
     case Kind::order:
         return camera.order.kind == FrameOrder::Kind::offset
@@ -220,8 +223,8 @@ inline std::string remedy_text(const Aspect& aspect, const CaptureReading& readi
         return detail::absence_remedy;
     case Kind::sides:
         return motion.sides == MotionReading::Sides::mirrored
-                   ? "the poses were estimated on mirrored images: exchange left and right and negate y and z of each "
-                     "rotation"
+                   ? "the poses were estimated on mirrored images: exchange left and right joints, and negate y and z "
+                     "of each rotation but global_orient"
                    : "list the joints in the body's order, left before right";
     case Kind::degrees:
         return "store axis-angle in radians";
@@ -231,10 +234,17 @@ inline std::string remedy_text(const Aspect& aspect, const CaptureReading& readi
         return motion.translation == MotionReading::Translation::of_root_joint
                    ? "store transl' = transl - J0, J0 being the root joint at rest"
                    : "store transl' = transl + R J0 - J0, J0 being the root joint at rest, R global_orient";
-    case Kind::world:
-        return "turn the poses' world into the cameras': global_orient and transl";
+    case Kind::world: {
+        const char* turn = motion.world == MotionReading::World::z_up         ? "(x, z, -y)"
+                           : motion.world == MotionReading::World::minus_z_up ? "(x, -z, y)"
+                                                                              : "(x, -y, -z)";
+        return std::string("turn the poses' world by W, which takes (x, y, z) to ") + turn +
+               ": store global_orient' = W global_orient, transl' = W (transl + J0) - J0, J0 being the root joint at "
+               "rest";
+    }
     case Kind::size: {
-        if (motion.size < 0.1) return "the body file is not in metres";
+        if (motion.size < 0.1)
+            return "the body file is not in metres: store v_template, shapedirs and posedirs in metres";
         const bool none = std::all_of(aspect.people.begin(), aspect.people.end(), [&](std::size_t p) {
             const auto& betas = people[p].motion->betas;
             return std::all_of(betas.begin(), betas.end(), [](double b) { return b == 0; });

@@ -44,15 +44,19 @@ namespace gsh::detail {
     return text.empty() ? result : result + "…";
 }
 
+/// "a, b and 4 more": the first of `count` texts, which text_of(i) returns.
+template <class TextOf>
+[[nodiscard]] std::string listing(std::size_t count, std::size_t most, const TextOf& text_of) {
+    std::string text;
+    for (std::size_t i = 0; i < std::min(most, count); ++i) text += (i ? ", " : "") + text_of(i);
+    return text + (count > most ? " and " + std::to_string(count - most) + " more" : "");
+}
+
 /// Foreign names for a message: the first of them, shortened, and the number of the others; `none` without any.
 template <class Names>
 [[nodiscard]] std::string listed(const Names& names, std::string_view none, std::size_t most = 8) {
-    std::string text;
-    std::size_t count = 0;
-    for (const auto& name : names)
-        if (count++ < most) text += (text.empty() ? "" : ", ") + shortened(name);
-    if (count > most) text += " and " + std::to_string(count - most) + " more";
-    return count ? text : std::string(none);
+    if (names.empty()) return std::string(none);
+    return listing(names.size(), most, [&](std::size_t i) { return shortened(names[i]); });
 }
 
 /// A number for a message, with six digits: "0.82", "1e+09".

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gsh/io/capture/capture.hpp>
 
+#include "io/exif_files.hpp"
 #include "io/small_body.hpp"
 #include "io/temporary.hpp"
 #include "support/skip.hpp"
@@ -244,6 +245,118 @@ TEST_CASE_FIXTURE(StoredCapture, "masks from a folder of their own replace alpha
     test::check_throws<ShapeError>([&] { (void)load(); }, {"masks/cam1", "2 images"});
 }
 
+TEST_CASE_FIXTURE(StoredCapture, "files that operating systems add are none of the capture's") {
+    const Capture expected = load();
+    for (const char* name : {"images/cam0/._0000.png", "images/cam0/.DS_Store", "images/cam1/Thumbs.db",
+                             "images/cam1/desktop.ini", "images/cam2/.0003.png"})
+        write_file(path / name, "x");
+    std::filesystem::create_directories(path / "images/cam0/__MACOSX");
+    const Capture read = load();
+    for (std::size_t i = 0; i < 9; ++i) CHECK(read.images[i].data == expected.images[i].data);
+}
+
+TEST_CASE_FIXTURE(StoredCapture, "a photograph without a person is left out, with a warning, and its frame stays") {
+    write_png(image(1, 1), PixelImage(4, 60, 64)); // one of a training camera
+    PixelImage faint = capture.images[6];
+    for (std::size_t i = 3; i < faint.data.size(); i += 4) faint.data[i] = i % 3 ? 0 : 40;
+    write_png(image(2, 0), faint); // one of the test camera, where a network left traces
+    std::vector<std::string> warnings;
+    const Capture read = load(&warnings);
+    REQUIRE(warnings.size() == 1);
+    CHECK(warnings[0] == path.string() + ": 2 of 9 photographs have an empty mask and are left out: "
+                                         "images/cam1/0001.png, images/cam2/0000.png");
+    CHECK(!read.is_taken({1, 1}));
+    CHECK(!read.is_taken({2, 0}));
+    CHECK(read.frame_count() == 3);
+    CHECK(read.motion.pose == capture.motion.pose);
+    CHECK(read.views(false).size() == 5);
+    CHECK(read.views(true).size() == 2);
+    CHECK(photos_of(read, false).size() == 5);
+    const Capture all = load_capture(serial, path, body, {.empty_masks = true});
+    CHECK(all.views(false).size() == 6);
+    CHECK(all.views(true).size() == 3);
+
+    // It is stored as a picture that is transparent everywhere, and comes back as it was.
+    save_capture(folder / "copy", read);
+    const Capture copy = load_capture(serial, folder / "copy", body);
+    for (std::size_t i = 0; i < 9; ++i) CHECK(copy.images[i].data == read.images[i].data);
+
+    // A frame that no camera shows keeps its pose.
+    write_png(image(0, 1), PixelImage(4, 60, 64));
+    write_png(image(2, 1), PixelImage(4, 60, 64));
+    const Capture gap = load();
+    CHECK(gap.views(false).size() == 4);
+    CHECK(gap.motion.pose == capture.motion.pose);
+}
+
+TEST_CASE_FIXTURE(StoredCapture, "label images: one number is the person, several are refused") {
+    const auto write_masks = [&](int camera, const auto& value) {
+        const auto place = path / "masks" / ("cam" + std::to_string(camera));
+        std::filesystem::create_directories(place);
+        for (std::size_t f = 0; f < 3; ++f) {
+            PixelImage mask(1, 60, 64);
+            const PixelImage& photo = capture.images[static_cast<std::size_t>(camera) * 3 + f];
+            for (std::size_t i = 0; i < mask.data.size(); ++i)
+                mask.data[i] = photo.data[4 * i + 3] ? static_cast<std::uint8_t>(value(f, i)) : 0;
+            write_png(place / ("000" + std::to_string(f) + ".png"), mask);
+        }
+    };
+    for (const int camera : {0, 2}) write_masks(camera, [](std::size_t, std::size_t) { return 255; });
+    for (const int label : {1, 128}) {
+        write_masks(1, [&](std::size_t, std::size_t) { return label; });
+        std::vector<std::string> warnings;
+        const Capture read = load(&warnings);
+        for (std::size_t i = 0; i < 9; ++i) CHECK(read.images[i].data == capture.images[i].data);
+        REQUIRE(warnings.size() == 1);
+        CHECK(warnings[0].find("camera 'cam1' hold 0, " + std::to_string(label) + " instead of 0 and 255") !=
+              std::string::npos);
+    }
+    write_masks(1, [](std::size_t f, std::size_t) { return f == 2 ? 2 : 1; });
+    test::check_throws<ValueError>([&] { (void)load(); },
+                                   {"masks/cam1/0000.png", "camera 'cam1'", "labels 0, 1, 2", "255"});
+    // Masks may be soft and faint in single frames.
+    write_masks(1, [](std::size_t f, std::size_t i) { return f == 2 ? 130 + i % 90 : 255; });
+    CHECK(load().views(false).size() == 6);
+    write_masks(1, [](std::size_t, std::size_t i) { return 1 + i % 200; });
+    test::check_throws<ValueError>([&] { (void)load(); }, {"masks/cam1/0000.png", "values", "white"});
+
+    // The same holds for alpha.
+    std::filesystem::remove_all(path / "masks");
+    for (int f = 0; f < 3; ++f) {
+        PixelImage photo = capture.images[static_cast<std::size_t>(3 + f)];
+        for (std::size_t i = 3; i < photo.data.size(); i += 4) photo.data[i] /= 255;
+        write_png(image(1, f), photo);
+    }
+    const Capture read = load();
+    for (std::size_t i = 0; i < 9; ++i) CHECK(read.images[i].data == capture.images[i].data);
+}
+
+TEST_CASE_FIXTURE(StoredCapture, "photographs lie as their Exif data state; half a turn is warned of") {
+    for (int f = 0; f < 3; ++f) {
+        const PixelImage& visible = capture.images[static_cast<std::size_t>(f)];
+        write_file(image(0, f),
+                   test::with_exif(encode_png(test::stored_lying(visible, 3 + f)), test::orientation_tiff(3 + f)));
+    }
+    std::vector<std::string> warnings;
+    const Capture read = load(&warnings);
+    for (std::size_t i = 0; i < 9; ++i) CHECK(read.images[i].data == capture.images[i].data);
+    REQUIRE(warnings.size() == 1); // orientation 5 shows in the size
+    CHECK(warnings[0].find("2 of 9 photographs were turned") != std::string::npos);
+    CHECK(warnings[0].find("images/cam0/0000.png, images/cam0/0001.png") != std::string::npos);
+
+    // Plates are turned, too.
+    for (int c = 0; c < 3; ++c) {
+        PixelImage plate(3, 60, 64);
+        for (std::size_t i = 0; i < plate.data.size(); ++i) plate.data[i] = static_cast<std::uint8_t>(i % 253);
+        std::filesystem::create_directories(path / "backgrounds");
+        write_file(path / ("backgrounds/cam" + std::to_string(c) + ".png"),
+                   test::with_exif(encode_png(test::stored_lying(plate, 6)), test::orientation_tiff(6)));
+    }
+    const Capture plated = load();
+    CHECK(plated.background(1)->width == 64);
+    CHECK(int(plated.background(1)->pixel(1, 2)[1]) == (64 * 3 + 2 * 3 + 1) % 253);
+}
+
 TEST_CASE_FIXTURE(StoredCapture, "backgrounds are opaque, one per camera, and make a whole photograph no mistake") {
     for (PixelImage& image : capture.images)
         for (std::size_t i = 3; i < image.data.size(); i += 4) image.data[i] = 255;
@@ -293,7 +406,6 @@ TEST_CASE_FIXTURE(StoredCapture, "an image that was not taken is in no view") {
     CHECK(capture_warnings(capture, body).empty());
     for (std::size_t f = 0; f < 3; ++f) capture.images[f] = PixelImage();
     CHECK(capture_warnings(capture, body).empty());
-    test::check_throws<ValueError>([&] { save_capture(folder / "c", capture); }, {"cam0", "frame 0"});
 }
 
 TEST_CASE_FIXTURE(StoredCapture, "distorted images are straightened when they are loaded") {
@@ -353,12 +465,33 @@ TEST_CASE_FIXTURE(StoredCapture, "files that do not belong together") {
         write_png(image(1, 1), PixelImage(4, 64, 60));
         test::check_throws<ShapeError>([&] { (void)load(); }, {image(1, 1), "60 x 64", "64 x 60", "cam1"});
     }
-    SUBCASE("an empty mask; the first in order is named on any number of threads") {
-        for (const int frame : {1, 2}) write_png(image(0, frame), PixelImage(4, 60, 64));
-        test::check_throws<ValueError>([&] { (void)load(); }, {image(0, 1), "mask", "empty"});
+    SUBCASE("images that are none; the first in order is named on any number of threads") {
+        for (const int frame : {1, 2}) write_file(image(0, frame), "none");
+        test::check_throws<IoError>([&] { (void)load(); }, {image(0, 1), "not a PNG"});
         cpu::Threads threads(3);
-        test::check_throws<ValueError>([&] { (void)load_capture(threads, path, body); },
-                                       {image(0, 1), "mask", "empty"});
+        test::check_throws<IoError>([&] { (void)load_capture(threads, path, body); }, {image(0, 1), "not a PNG"});
+    }
+    SUBCASE("every mask for training is empty") {
+        for (const int camera : {0, 1})
+            for (const int frame : {0, 1, 2}) write_png(image(camera, frame), PixelImage(4, 60, 64));
+        test::check_throws<ValueError>([&] { (void)load(); }, {image(0, 0), "mask", "empty", "all photographs"});
+    }
+    SUBCASE("images of another format") {
+        for (const int frame : {0, 1, 2}) {
+            std::filesystem::remove(image(1, frame));
+            write_file(path / ("images/cam1/000" + std::to_string(frame) + ".webp"), "RIFF....WEBP");
+        }
+        test::check_throws<IoError>([&] { (void)load(); },
+                                    {"images/cam1", "3 images such as 0000.webp", "PNG or JPEG", "*.webp"});
+    }
+    SUBCASE("numbers whose names are in another order") {
+        const auto name = [&](const char* number) { return path / "images/cam1" / (std::string(number) + ".png"); };
+        std::filesystem::rename(image(1, 0), name("1"));
+        std::filesystem::rename(image(1, 1), name("10"));
+        std::filesystem::rename(image(1, 2), name("2"));
+        test::check_throws<IoError>([&] { (void)load(); }, {"images/cam1/10.png", "before number 2", "pad", "zeros"});
+        std::filesystem::rename(name("1"), name("9"));
+        test::check_throws<IoError>([&] { (void)load(); }, {"images/cam1/2.png", "after 10.png", "pad", "zeros"});
     }
     SUBCASE("a truncated image") {
         test::truncate_file(image(2, 0), 30);

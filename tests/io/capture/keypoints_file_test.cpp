@@ -6,9 +6,11 @@
 
 #include <doctest/doctest.h>
 
+#include <cmath>
 #include <filesystem>
 #include <functional>
 #include <string>
+#include <utility>
 #include <vector>
 
 using namespace gsh;
@@ -90,17 +92,92 @@ TEST_CASE("OpenPose's files are read: camera and frame from the names, joints by
 
 TEST_CASE("a single camera needs no name in the files") {
     test::Temporary folder;
-    test::write_text(folder / "video_000000000002_keypoints.json",
-                     Json{{"people", {{{"pose_keypoints_2d", points(25)}}}}}.dump());
-    // nine digits at most: a longer number is no frame
-    CHECK(message_of([&] { (void)load_keypoints(folder / "", cameras_called({"cam"}), 5); }).find("frame's number") !=
-          std::string::npos);
-    std::filesystem::remove(folder / "video_000000000002_keypoints.json");
-    test::write_text(folder / "video_002_keypoints.json",
-                     Json{{"people", {{{"pose_keypoints_2d", points(25)}}}}}.dump());
-    const auto found = load_keypoints(folder / "", cameras_called({"cam"}), 5);
-    REQUIRE(found.size() == 1);
-    CHECK(found[0].frame == 2);
+    const std::string people = Json{{"people", {{{"pose_keypoints_2d", points(25)}}}}}.dump();
+    const auto frame_of = [&](const char* name) {
+        test::write_text(folder / name, people);
+        const auto found = load_keypoints(folder / "", cameras_called({"cam"}), 5);
+        std::filesystem::remove(folder / name);
+        REQUIRE(found.size() == 1);
+        return found[0].frame;
+    };
+    CHECK(frame_of("video_002_keypoints.json") == 2);
+    CHECK(frame_of("video_000000000002_keypoints.json") == 2); // OpenPose 1.7 of a video: twelve digits
+    CHECK(frame_of("video_000000000000_keypoints.json") == 0);
+    CHECK(frame_of("frame-3.json") == 3);
+    CHECK(frame_of("0004.jpg.predictions.json") == 4); // OpenPifPaf 0.13
+    CHECK(frame_of("0001.png.json") == 1);
+    CHECK(frame_of("cam.01.json") == 1);
+    test::write_text(folder / "video_9999999999_keypoints.json", people);
+    CHECK(message_of([&] { (void)load_keypoints(folder / "", cameras_called({"cam"}), 5); })
+              .find("is of frame 9999999999, expected one below 5") != std::string::npos);
+}
+
+TEST_CASE("files with the names of photographs belong to these, whatever their numbers") {
+    test::Temporary folder;
+    std::vector<std::string> images; // of two cameras, three frames each
+    for (const char* camera : {"left", "right"}) {
+        std::filesystem::create_directories(folder / camera);
+        for (const char* number : {"00001", "00010", "00020"}) images.push_back("frame_" + std::string(number));
+    }
+    const auto write = [&](const std::string& name) {
+        test::write_text(folder / name, Json{{"people", {{{"pose_keypoints_2d", points(25)}}}}}.dump());
+    };
+    const auto places = [&] {
+        std::vector<std::pair<std::size_t, std::size_t>> result;
+        for (const auto& photo : load_keypoints(folder / "", cameras_called({"left", "right"}), 3, images))
+            result.emplace_back(photo.camera, photo.frame);
+        return result;
+    };
+    using Places = std::vector<std::pair<std::size_t, std::size_t>>;
+    write("left/frame_00001_keypoints.json"), write("left/frame_00020_keypoints.json");
+    write("right/frame_00010_keypoints.json");
+    CHECK(places() == Places{{0, 0}, {0, 2}, {1, 1}});
+    // A detector looks at every photograph of a video, of which the capture may hold a few.
+    for (const char* camera : {"left", "right"})
+        for (const char* number : {"00001", "00002", "00010", "00020"})
+            write(std::string(camera) + "/frame_" + number + "_keypoints.json");
+    CHECK(places() == Places{{0, 0}, {0, 1}, {0, 2}, {1, 0}, {1, 1}, {1, 2}});
+    // Numbers count from 0 where names do not fit: images from 1, keypoints of a video from 0.
+    std::filesystem::remove_all(folder / "left"), std::filesystem::remove_all(folder / "right");
+    images = {"1", "2", "3", "1", "2", "3"};
+    write("left_0_keypoints.json"), write("left_1_keypoints.json"), write("left_2_keypoints.json");
+    CHECK(places() == Places{{0, 0}, {0, 1}, {0, 2}});
+    write("left_3_keypoints.json");
+    CHECK(message_of([&] { (void)places(); }).find("frame 3, expected one below 3") != std::string::npos);
+    for (const char* name : {"left_0_keypoints.json", "left_1_keypoints.json", "left_2_keypoints.json"})
+        std::filesystem::remove(folder / name);
+    CHECK(places() == Places{{0, 2}});
+}
+
+TEST_CASE("keypoints that are no pixels of the images are refused") {
+    auto cameras = cameras_called({"cam", "other"});
+    cameras[0].camera.width = 640, cameras[0].camera.height = 480;
+    const auto refused = [&](double scale, double shift) {
+        Json body = Json::array();
+        for (std::size_t k = 0; k < 25; ++k) {
+            const double x = 250 + 100 * std::sin(static_cast<double>(k)), y = 40 + 16 * static_cast<double>(k);
+            for (const double number : {x / 640 * scale + shift, y / 480 * scale + shift, 0.8}) body.push_back(number);
+        }
+        test::Temporary folder;
+        for (const char* name : {"cam_0.json", "cam_1.json"})
+            test::write_text(folder / name, Json{{"people", {{{"pose_keypoints_2d", body}}}}}.dump());
+        try {
+            (void)load_keypoints(folder / "", cameras, 5);
+        } catch (const ValueError& error) {
+            return std::string(error.what());
+        }
+        return std::string();
+    };
+    const auto has = [](const std::string& text, const char* words) { return text.find(words) != std::string::npos; };
+    CHECK(refused(480, 0).empty());
+    CHECK(refused(480, -20).empty());
+    CHECK(has(refused(1, 0), "not pixels, but scaled to 0…1"));
+    CHECK(has(refused(1, 0), "camera 'cam'"));
+    CHECK(has(refused(1, 0), "640 x 480"));
+    CHECK(has(refused(1.2, 0), "scaled to 0…1")); // beyond the border
+    CHECK(has(refused(2, -1), "scaled to -1…1"));
+    CHECK(has(refused(1500, 0), "lie outside"));
+    CHECK(has(refused(480, -480), "lie outside"));
 }
 
 TEST_CASE("a file of COCO-WholeBody is read; visibility counts as confidence, up to 1") {
@@ -148,7 +225,10 @@ TEST_CASE("damaged keypoints are refused, with file and field") {
     refused("left/1.json", people(negative), "negative confidence");
     refused("left/1.json", Json{{"people", {Json::object()}}}, "no pose_keypoints_2d");
     refused("left/1.json", Json{{"persons", 1}}, "no list people");
-    refused("left/1.json", Json::array(), "no list people");
+    refused("left/1.json", Json::array(), "no list people (it is as AlphaPose, OpenPifPaf and MMPose write it)");
+    refused("left/1.json", Json{{"instance_info", Json::array()}}, "as MMPose and Sapiens write it");
+    refused("left/1.json", people(points(18)), "has 54 elements, expected 75 numbers");
+    refused("left/1.json", people(points(18)), "--model_pose BODY_25");
     refused("left/10.json", people(points(25)), "frame 10, expected one below 10");
     refused("left/a.json", people(points(25)), "frame's number");
     refused("middle_1.json", people(points(25)), "expected one of left, right");

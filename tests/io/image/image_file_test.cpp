@@ -4,6 +4,7 @@
 #include <gsh/io/file/crc32.hpp>
 #include <gsh/io/file/gzip.hpp>
 
+#include "io/exif_files.hpp"
 #include "io/temporary.hpp"
 
 #include <zlib.h>
@@ -13,6 +14,7 @@
 #include <string>
 
 using namespace gsh;
+using test::jpeg_bytes;
 
 namespace {
 
@@ -20,15 +22,6 @@ PixelImage pattern(int channels, int height, int width) {
     PixelImage image(channels, height, width);
     for (std::size_t i = 0; i < image.data.size(); ++i) image.data[i] = static_cast<std::uint8_t>(i * 37 + i / 11);
     return image;
-}
-
-std::string jpeg_bytes(const PixelImage& image) {
-    std::string bytes;
-    const auto append = [](void* context, void* data, int size) {
-        static_cast<std::string*>(context)->append(static_cast<const char*>(data), static_cast<std::size_t>(size));
-    };
-    REQUIRE(stbi_write_jpg_to_func(append, &bytes, image.width, image.height, image.channels, image.data.data(), 95));
-    return bytes;
 }
 
 /// A chunk of a PNG with its checksum.
@@ -104,6 +97,34 @@ TEST_CASE("what a phone appends to a JPEG, or a camera puts before its pixels, d
     CHECK(read_image(folder / "a.jpg").width == 8);
 }
 
+TEST_CASE("all eight orientations of Exif are shown upright, and what is stored can be had, too") {
+    const test::Temporary folder;
+    const PixelImage visible = pattern(4, 5, 7);
+    for (int orientation = 1; orientation <= 8; ++orientation) {
+        CAPTURE(orientation);
+        const PixelImage lying = test::stored_lying(visible, orientation);
+        write_file(folder / "a.png", test::with_exif(encode_png(lying), test::orientation_tiff(orientation)));
+        const PixelImage read = read_image(folder / "a.png");
+        CHECK(read.width == 7);
+        CHECK(read.height == 5);
+        CHECK(read.data == visible.data);
+        const StoredImage stored = read_stored_image(folder / "a.png");
+        CHECK(stored.orientation == orientation);
+        CHECK(stored.image.width == (orientation >= 5 ? 5 : 7));
+        CHECK(stored.image.data == lying.data);
+        CHECK(!stored.sixteen_bits);
+    }
+    PixelImage wide(3, 16, 32); // white on the left
+    for (int y = 0; y < 16; ++y)
+        for (int x = 0; x < 16; ++x) std::fill_n(wide.pixel(y, x), 3, std::uint8_t(255));
+    write_file(folder / "a.jpg", test::with_exif(jpeg_bytes(wide), test::orientation_tiff(6, true)));
+    const PixelImage read = read_image(folder / "a.jpg"); // turned clockwise: white above
+    CHECK(read.width == 16);
+    CHECK(read.height == 32);
+    CHECK(int(read.pixel(4, 8)[0]) > 250);
+    CHECK(int(read.pixel(28, 8)[0]) < 5);
+}
+
 TEST_CASE("planar numbers are rounded to nearest and clamped") {
     Image<float> image(3, 1, 4);
     const float values[] = {0.0f, 1.0f, -3.0f, 7.0f, 100.4f / 255, 100.6f / 255, std::nanf(""), 0.5f};
@@ -127,7 +148,7 @@ TEST_CASE("what is no image, or no longer one, is named") {
     write_file(path, "");
     test::check_throws<IoError>(read, {path.string(), "not a PNG or JPEG"});
     write_file(path, "<html>");
-    test::check_throws<IoError>(read, {path.string(), "not a PNG or JPEG"});
+    test::check_throws<IoError>(read, {path.string(), "web page", "PNG or JPEG"});
 
     const std::string png = encode_png(pattern(4, 32, 32));
     for (const std::size_t cut : {std::size_t(1), std::size_t(12), std::size_t(30), png.size() / 2, png.size() - 20}) {

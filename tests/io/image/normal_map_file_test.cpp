@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gsh/io/image/normal_map_file.hpp>
 
+#include "io/exif_files.hpp"
 #include "io/temporary.hpp"
 
 #include <cmath>
@@ -191,6 +192,16 @@ TEST_CASE("a back map in the front view's frame, and maps of the wrong encoding"
     test::check_throws<ValueError>(
         [&] { (void)read_normal_map(folder / "front.png", {.encoding = NormalEncoding::opencv}); },
         {"another encoding"});
+}
+
+TEST_CASE("a map that is to be turned is refused, because its normals would have to turn, too") {
+    const test::Temporary folder;
+    PixelImage lilac(3, 4, 6);
+    for (std::size_t i = 0; i < lilac.data.size(); ++i) lilac.data[i] = i % 3 == 2 ? 255 : 128;
+    write_file(folder / "a.png", test::with_exif(encode_png(lilac), test::orientation_tiff(1)));
+    CHECK(read_normal_map(folder / "a.png").mask.width == 6);
+    write_file(folder / "a.png", test::with_exif(encode_png(lilac), test::orientation_tiff(6)));
+    test::check_throws<IoError>([&] { (void)read_normal_map(folder / "a.png"); }, {"a.png", "Exif", "upright"});
 }
 
 TEST_CASE("files that hold no normal map") {

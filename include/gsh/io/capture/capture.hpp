@@ -27,14 +27,16 @@ namespace gsh {
 /// DIR/backgrounds/CAMERA.png (or .jpg), for all cameras or none, shows the scene without the person. Images of cameras
 /// with distortion are undistorted. `body` is the body model of the poses.
 ///
-/// Errors    IoError, ShapeError, ValueError naming the file: images, poses and cameras that do not match, a mask that
-///           is empty everywhere, no view to train on, and all errors of the readers of the single files.
-/// Warnings  probable mistakes, one sentence each with the likely cause; see capture_warnings.
+/// Errors    IoError, ShapeError, ValueError naming the file: images, poses and cameras that do not match, masks whose
+///           meaning is unclear, no view to train on, and all errors of the readers of the single files.
+/// Warnings  photographs without a person, which count as not taken, and others of load_photos; probable mistakes, one
+///           sentence each with the likely cause, see capture_warnings.
 template <HostExecutor E>
 [[nodiscard]] Capture load_capture(E& executor, const std::filesystem::path& folder, const BodyModel& body,
                                    const CaptureOptions& options = {}, std::vector<std::string>* warnings = nullptr);
 
-/// Writes the same layout and creates the folder.
+/// Writes the same layout and creates the folder. An image that was not taken becomes one that is transparent
+/// everywhere, which load_capture leaves out.
 inline void save_capture(const std::filesystem::path& folder, const Capture& capture);
 
 // -------------------------------------------------------------------------------------------------------------
@@ -75,12 +77,11 @@ Capture load_capture(E& executor, const std::filesystem::path& folder, const Bod
                 "no view is left for training; give a camera the role train, and leave frames out of test_frames");
 
     const std::vector<NamedCamera> distorted = capture.cameras;
-    detail::load_photos(executor, images, masks, 1, options, folder, capture);
+    detail::load_photos(executor, images, masks, 1, options, folder, capture, warnings);
     if (std::filesystem::is_directory(folder / "backgrounds"))
         for (const NamedCamera& camera : distorted) {
             const auto path = detail::image_path(folder / "backgrounds", camera.name);
-            PixelImage image = read_image(path);
-            detail::check_image_size(path, image, camera);
+            PixelImage image = detail::read_camera_image(path, camera).image;
             detail::check_opaque(path, image);
             if (camera.distortion) {
                 image = detail::straighten(image, camera);
@@ -97,11 +98,6 @@ inline void save_capture(const std::filesystem::path& folder, const Capture& cap
     const std::size_t frames = capture.frame_count();
     check_size("save_capture", "images", capture.images.size(), capture.cameras.size() * frames,
                "store one per camera and frame");
-    for (std::size_t i = 0; i < capture.images.size(); ++i)
-        check_value(!capture.images[i].data.empty(), "save_capture",
-                    "camera '" + detail::shortened(capture.cameras[i / frames].name) + "' did not take frame " +
-                        std::to_string(i % frames) +
-                        ", but the layout has a place for every image; leave out such cameras or frames");
     std::error_code error;
     if (!capture.backgrounds.empty()) {
         check_size("save_capture", "backgrounds", capture.backgrounds.size(), capture.cameras.size(),
@@ -121,8 +117,11 @@ inline void save_capture(const std::filesystem::path& folder, const Capture& cap
         for (std::size_t f = 0; f < frames; ++f) {
             const std::string digits = std::to_string(f);
             const std::string name = std::string(digits.size() < 4 ? 4 - digits.size() : 0, '0') + digits + ".png";
-            detail::check_image_size(images / name, capture.image({c, f}), capture.cameras[c]);
-            write_png(images / name, capture.image({c, f}));
+            const Camera<double>& camera = capture.cameras[c].camera;
+            const bool taken = capture.is_taken({c, f});
+            const PixelImage& image = taken ? capture.image({c, f}) : PixelImage(4, camera.height, camera.width);
+            detail::check_image_size(images / name, image, capture.cameras[c]);
+            write_png(images / name, image);
         }
     }
     save_motion(folder / "poses.npz", capture.motion);

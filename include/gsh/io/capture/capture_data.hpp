@@ -42,6 +42,8 @@ struct Capture {
     /// A span of the motion that is excluded from training in every camera, too, and judged apart; see hold_out_motion.
     /// Files do not store it.
     std::vector<std::size_t> held_out_frames = {};
+    /// The names of the images' files without extension, [cameras * frames]; empty if they come from no files.
+    std::vector<std::string> image_names = {};
 
     [[nodiscard]] std::size_t frame_count() const { return motion.frame_count(); }
     [[nodiscard]] const PixelImage& image(CaptureView view) const {
@@ -110,7 +112,7 @@ struct CaptureOptions {
     std::string poses = "poses.npz"; ///< file or folder, relative to the capture or absolute; see load_any_motion
     MotionFileOptions::Hands hands = MotionFileOptions::Hands::automatic;
     double input_fps = 0;     ///< frames a second of the poses, whatever their files state; 0: as they state
-    bool empty_masks = false; ///< accept images whose mask is empty
+    bool empty_masks = false; ///< keep images whose mask is empty; else they count as not taken
     std::optional<MotionSpan> hold_out = {}; ///< left out of training in every camera; see hold_out_motion
 
     // Only for foreign layouts (io/capture/any_capture.hpp); our own layout stores these in its files.

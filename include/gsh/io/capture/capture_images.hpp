@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  The image files of a capture: lists, checks, masks, reduction and undistortion.
+/// @file  The image files of a capture: lists, checks, reduction and undistortion.
 #pragma once
 
 #include <gsh/backend/backend.hpp>
@@ -9,10 +9,13 @@
 #include <gsh/core/span.hpp>
 #include <gsh/image/resample.hpp>
 #include <gsh/io/capture/camera_file.hpp>
+#include <gsh/io/capture/camera_image.hpp>
+#include <gsh/io/file/folder_list.hpp>
+#include <gsh/io/file/text_lines.hpp>
 #include <gsh/io/image/image_file.hpp>
+#include <gsh/io/image/image_formats.hpp>
 
 #include <algorithm>
-#include <cctype>
 #include <cstddef>
 #include <cstdint>
 #include <exception>
@@ -23,68 +26,55 @@
 
 namespace gsh::detail {
 
-/// Image files of a folder in the order of their names.
+/// PNG and JPEG files of a folder in the order of their names.
+///
+/// Errors  IoError for a folder that cannot be listed, or that holds images of other formats in place of these.
 inline std::vector<std::filesystem::path> list_images(const std::filesystem::path& folder) {
-    std::error_code error;
-    std::vector<std::filesystem::path> files;
-    for (const auto& entry : std::filesystem::directory_iterator(folder, error)) {
-        std::string extension = entry.path().extension().string();
-        for (char& c : extension) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
-        if (extension == ".png" || extension == ".jpg" || extension == ".jpeg") files.push_back(entry.path());
+    std::vector<std::filesystem::path> files, foreign;
+    for (const auto& path : list_folder(folder, "a folder of images")) {
+        const std::string extension = path.extension().string();
+        if (is_word(extension, ".png") || is_word(extension, ".jpg") || is_word(extension, ".jpeg"))
+            files.push_back(path);
+        else if (is_foreign_image(path))
+            foreign.push_back(path);
     }
-    if (error)
-        throw IoError(folder.string() + ": cannot be listed: " + error.message() + "; expected a folder of images");
-    std::sort(files.begin(), files.end());
+    if (files.empty() && !foreign.empty())
+        throw IoError(folder.string() + ": holds " + std::to_string(foreign.size()) + " images such as " +
+                      foreign[0].filename().string() + ", expected PNG or JPEG; convert them, for instance with " +
+                      "ImageMagick: mogrify -format png *" + foreign[0].extension().string());
     return files;
 }
 
-/// The missing file in a numbered sequence; empty if there is none.
-inline std::string missing_in_row(const std::vector<std::filesystem::path>& files) {
-    long expected = -1;
-    for (const auto& file : files) {
-        const std::string stem = file.stem().string();
-        if (stem.empty() || stem.size() > 9 || stem.find_first_not_of("0123456789") != std::string::npos) return {};
-        const long number = std::stol(stem);
-        if (expected >= 0 && number > expected) {
-            const std::string digits = std::to_string(expected);
-            const std::string zeros(stem.size() > digits.size() ? stem.size() - digits.size() : 0, '0');
-            return zeros + digits + file.extension().string();
-        }
-        expected = number + 1;
+/// Throws IoError for a gap in a numbered sequence, and for numbers whose order is not that of the names (2, 10).
+inline void check_row(const std::vector<std::filesystem::path>& files) {
+    for (std::size_t i = 0; i < files.size(); ++i) {
+        const long number = number_of(files[i]), before = i > 0 ? number_of(files[i - 1]) : number - 1;
+        if (number < 0) return;
+        if (number < before)
+            throw IoError(files[i].string() + ": comes after " + files[i - 1].filename().string() +
+                          " in the order of the names; pad the numbers with zeros");
+        if (number <= before + 1) continue;
+        std::string digits = std::to_string(before + 1), stem = files[i].stem().string();
+        digits.insert(0, stem.size() > digits.size() ? stem.size() - digits.size() : 0, '0');
+        const auto expected = files[i].parent_path() / (digits + files[i].extension().string());
+        // With numbers of different lengths (10, 2), the next number may come later.
+        const bool later =
+            std::any_of(files.begin(), files.end(), [&](const auto& file) { return number_of(file) == before + 1; });
+        throw IoError(later ? files[i].string() + ": comes before number " + std::to_string(before + 1) +
+                                  " in the order of the names; pad the numbers with zeros"
+                            : expected.string() + ": is missing from the numbered files");
     }
-    return {};
 }
 
 /// Images of one camera, one per frame.
 inline std::vector<std::filesystem::path> list_frames(const std::filesystem::path& folder, std::size_t frames,
                                                       const std::filesystem::path& poses) {
     const auto files = list_images(folder);
-    if (const std::string missing = missing_in_row(files); !missing.empty())
-        throw IoError((folder / missing).string() + ": is missing from the numbered files");
+    check_row(files);
     if (files.size() != frames)
         throw ShapeError(folder.string() + ": holds " + std::to_string(files.size()) + " images, expected " +
                          std::to_string(frames) + ", one per pose of " + poses.string());
     return files;
-}
-
-inline void check_image_size(const std::filesystem::path& path, const PixelImage& image, const NamedCamera& camera) {
-    if (image.width != camera.camera.width || image.height != camera.camera.height)
-        throw ShapeError(path.string() + ": is " + std::to_string(image.width) + " x " + std::to_string(image.height) +
-                         " pixels, expected " + std::to_string(camera.camera.width) + " x " +
-                         std::to_string(camera.camera.height) + " as camera '" + shortened(camera.name) + "' says");
-}
-
-/// Sets alpha from a mask's alpha channel if it has transparency, else from its red channel.
-inline void apply_mask(const PixelImage& mask, PixelImage& image) {
-    bool opaque = true;
-    for (std::size_t i = 3; i < mask.data.size(); i += 4) opaque = opaque && mask.data[i] == 255;
-    for (std::size_t i = 0; i < image.data.size(); i += 4) image.data[i + 3] = mask.data[i + (opaque ? 0 : 3)];
-}
-
-inline void check_mask(const std::filesystem::path& path, const PixelImage& image) {
-    for (std::size_t i = 3; i < image.data.size(); i += 4)
-        if (image.data[i] != 0) return;
-    throw ValueError(path.string() + ": its mask (alpha) is empty everywhere, expected the person in it");
 }
 
 /// The image at 1/factor of its size: each pixel is the mean of a square. Colours and alpha are averaged separately, as
@@ -131,12 +121,12 @@ void load_all(E& executor, std::size_t count, const Load& load) {
         if (failure) std::rethrow_exception(failure);
 }
 
-/// FOLDER/NAME.png, .jpg or .jpeg, the first that exists; the .png if none does, for the error message.
+/// The PNG or JPEG file NAME of a folder, the first in order; NAME.png if there is none, for the error message.
 inline std::filesystem::path image_path(const std::filesystem::path& folder, const std::string& name) {
-    std::error_code ignored;
-    for (const char* extension : {".png", ".jpg", ".jpeg"})
-        if (auto path = folder / (name + extension); std::filesystem::exists(path, ignored)) return path;
-    return folder / (name + ".png");
+    const auto is_called = [&](const std::filesystem::path& path) { return path.stem().string() == name; };
+    const auto files = list_images(folder);
+    const auto found = std::find_if(files.rbegin(), files.rend(), is_called); // a .png before a .jpg
+    return found != files.rend() ? *found : folder / (name + ".png");
 }
 
 /// Throws ValueError if a background has a transparent pixel.

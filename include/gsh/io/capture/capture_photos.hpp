@@ -6,15 +6,15 @@
 #include <gsh/body/body_model.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/io/capture/camera_file.hpp>
+#include <gsh/io/capture/camera_image.hpp>
 #include <gsh/io/capture/capture_data.hpp>
 #include <gsh/io/capture/capture_images.hpp>
 #include <gsh/io/capture/capture_warnings.hpp>
-#include <gsh/io/file/npy.hpp>
+#include <gsh/io/file/text_lines.hpp>
 #include <gsh/io/image/image_file.hpp>
+#include <gsh/io/image/mask_file.hpp>
 
-#include <algorithm>
 #include <cstddef>
-#include <cstdint>
 #include <filesystem>
 #include <string>
 #include <utility>
@@ -22,40 +22,51 @@
 
 namespace gsh::detail {
 
-/// Sets alpha from a mask: an array of 0 and 1 (or up to 255), or an image.
-inline void apply_mask_file(const std::filesystem::path& path, PixelImage& image) {
-    const auto fail = [&](const std::string& found) {
-        throw ShapeError(path.string() + ": is " + found + " pixels, expected " + std::to_string(image.width) + " x " +
-                         std::to_string(image.height));
-    };
-    if (path.extension() != ".npy") {
-        const PixelImage mask = read_image(path);
-        if (mask.width != image.width || mask.height != image.height)
-            fail(std::to_string(mask.width) + " x " + std::to_string(mask.height));
-        return apply_mask(mask, image);
+/// A photograph while a capture is read.
+struct PhotoState {
+    MaskLevels levels;
+    bool pending = false;   ///< whether the masks of the whole camera decide what its numbers mean
+    bool ambiguous = false; ///< CameraImage::ambiguous
+};
+
+/// Decides what the masks of a camera mean that are not plain, and sets the alpha of binary ones.
+template <HostExecutor E>
+void settle_masks(E& executor, const std::vector<std::filesystem::path>& files, const NamedCamera& camera,
+                  std::size_t first, std::size_t frames, const std::vector<PhotoState>& states, Capture& capture,
+                  const std::string& folder, std::vector<std::string>* warnings) {
+    MaskLevels all;
+    bool plain = false;
+    std::vector<std::size_t> pending;
+    for (std::size_t i = first; i < first + frames; ++i) {
+        all.add(states[i].levels);
+        plain = plain || (states[i].levels.plain() && !states[i].levels.unit);
+        if (states[i].pending) pending.push_back(i);
     }
-    const NpyArray<float> mask = read_npy<float>(path, Numbers::any);
-    const std::size_t pixels = static_cast<std::size_t>(image.width) * static_cast<std::size_t>(image.height);
-    const bool fits =
-        mask.size() == pixels && mask.shape.size() >= 2 && mask.dim(0) == static_cast<std::size_t>(image.height);
-    if (!fits) fail("an array " + shape_text(mask.shape) + " of");
-    const auto [low, high] = std::minmax_element(mask.data.begin(), mask.data.end());
-    check_value(*low >= 0 && *high <= 255, path.string(),
-                "holds " + detail::number_text(*low < 0 ? *low : *high) + ", expected 0 to 1, or 0 to 255");
-    const float scale = *high <= 1 ? 255.0f : 1.0f;
-    for (std::size_t i = 0; i < pixels; ++i) image.data[4 * i + 3] = static_cast<std::uint8_t>(mask[i] * scale + 0.5f);
+    if (pending.empty()) return;
+    const std::string others = frames > 1 ? " and the other masks of camera '" + shortened(camera.name) + "'" : "";
+    if (mask_meaning(files[pending[0]].string() + others, all, plain) == MaskMeaning::soft) return;
+    if (warnings)
+        warnings->push_back(folder + ": the masks of camera '" + shortened(camera.name) + "' hold " + level_text(all) +
+                            " instead of 0 and 255, so all but 0 is taken for the person");
+    executor.for_chunks(pending.size(), 1, [&](std::size_t, std::size_t begin, std::size_t end) {
+        for (std::size_t k = begin; k < end; ++k) {
+            PixelImage& image = capture.images[pending[k]];
+            for (std::size_t n = 3; n < image.data.size(); n += 4) image.data[n] = image.data[n] != 0 ? 255 : 0;
+        }
+    });
 }
 
 /// Fills capture.images from files [cameras * frames], undistorted and at 1/factor of their size. The capture's cameras
 /// become those of these images. Masks are in files of their own [cameras * frames]; if there are none, the images'
-/// alpha is the mask.
+/// alpha is the mask. A photograph whose mask nowhere exceeds 1/2 counts as not taken, unless options.empty_masks.
 ///
-/// Errors  IoError, ShapeError, ValueError naming the file: sizes that are not the camera's, a mask that is empty
-///         everywhere (unless options.empty_masks), a factor that does not divide the size.
+/// Errors    IoError, ShapeError, ValueError naming the file: sizes that are not the camera's, masks whose meaning is
+///           unclear, no mask of a training photograph with a person, a factor that does not divide the size.
+/// Warnings  photographs that are not taken, masks of small numbers, orientations that sizes do not confirm.
 template <HostExecutor E>
 void load_photos(E& executor, const std::vector<std::filesystem::path>& images,
                  const std::vector<std::filesystem::path>& masks, int factor, const CaptureOptions& options,
-                 const std::filesystem::path& folder, Capture& capture) {
+                 const std::filesystem::path& folder, Capture& capture, std::vector<std::string>* warnings) {
     const std::vector<NamedCamera> full = capture.cameras;
     const std::size_t frames = capture.frame_count();
     for (NamedCamera& camera : capture.cameras) {
@@ -63,15 +74,57 @@ void load_photos(E& executor, const std::vector<std::filesystem::path>& images,
         camera.distortion.reset();
     }
     capture.images.resize(images.size());
-    load_all(executor, images.size(), [&](std::size_t i) {
+    capture.image_names.clear();
+    for (const auto& path : images) capture.image_names.push_back(path.stem().string());
+    std::vector<PhotoState> states(images.size());
+    const auto finish = [&](std::size_t i) {
+        PixelImage& image = capture.images[i];
         const NamedCamera& camera = full[i / frames];
-        PixelImage image = read_image(images[i]);
-        check_image_size(images[i], image, camera);
-        if (!masks.empty()) apply_mask_file(masks[i], image);
-        if (!options.empty_masks) check_mask(masks.empty() ? images[i] : masks[i], image);
         if (camera.distortion) image = straighten(image, camera);
-        capture.images[i] = factor == 1 ? std::move(image) : shrink(image, factor);
+        if (factor != 1) image = shrink(image, factor);
+    };
+    load_all(executor, images.size(), [&](std::size_t i) {
+        PhotoState& state = states[i];
+        CameraImage photo = read_camera_image(images[i], full[i / frames]);
+        state.ambiguous = photo.ambiguous;
+        if (masks.empty()) {
+            state.levels = alpha_levels(photo.image);
+        } else {
+            const StoredMask mask = read_mask(masks[i]);
+            set_alpha(fitted_mask(masks[i], mask, photo), photo.image);
+            state.levels = mask.levels;
+        }
+        state.pending = !state.levels.plain() && !state.levels.empty();
+        capture.images[i] = std::move(photo.image);
+        if (!state.pending) finish(i);
     });
+    for (std::size_t c = 0; c < full.size(); ++c)
+        settle_masks(executor, masks.empty() ? images : masks, full[c], c * frames, frames, states, capture,
+                     folder.string(), warnings);
+    load_all(executor, images.size(), [&](std::size_t i) {
+        if (states[i].pending) finish(i);
+    });
+
+    std::vector<std::size_t> absent, ambiguous;
+    for (std::size_t i = 0; i < images.size(); ++i) {
+        if (states[i].ambiguous) ambiguous.push_back(i);
+        if (options.empty_masks || shows_person(capture.images[i])) continue;
+        absent.push_back(i);
+        capture.images[i] = {};
+    }
+    const auto name = [&](std::size_t i) { return images[i].lexically_relative(folder).string(); };
+    const auto warn = [&](const std::vector<std::size_t>& which, const std::string& before, const std::string& after) {
+        if (!which.empty() && warnings)
+            warnings->push_back(folder.string() + ": " + std::to_string(which.size()) + " of " +
+                                std::to_string(images.size()) + " photographs " + before +
+                                listing(which.size(), 6, [&](std::size_t k) { return name(which[k]); }) + after);
+    };
+    if (!absent.empty())
+        check_value(!capture.views(false).empty(), (masks.empty() ? images : masks)[absent[0]].string(),
+                    "its mask (alpha) is empty, as are those of all photographs for training; expected a person");
+    warn(absent, "have an empty mask and are left out: ", "");
+    warn(ambiguous, "were turned as their Exif orientation states: ",
+         "; their cameras, poses and masks must be those of the turned pictures, as OpenCV reads them");
 }
 
 /// Holds out the motion that options name, and appends the capture's warnings.

@@ -8,9 +8,11 @@
 #include <gsh/core/error.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/image/resample.hpp>
+#include <gsh/io/capture/camera_image.hpp>
 #include <gsh/io/capture/colmap.hpp>
 #include <gsh/io/file/named_path.hpp>
 #include <gsh/io/image/image_file.hpp>
+#include <gsh/io/image/mask_file.hpp>
 
 #include <algorithm>
 #include <cmath>
@@ -38,9 +40,12 @@ struct StraightImage {
 };
 
 /// Reads an image of the reconstruction and undistorts it. The mask is the image's alpha or, if `masks` is given, the
-/// image of the same name (NAME.png, or NAME with the extension .png) in that folder. White pixels are kept.
+/// image of the same name (NAME.png, or NAME with the extension .png) in that folder. White pixels are kept. COLMAP
+/// ignores the orientation in Exif data, so pixels are taken as stored, unless only the turned picture has the size of
+/// the camera.
 ///
-/// Errors  those of read_image; ShapeError unless image and mask have the camera's size.
+/// Errors  those of read_stored_image, read_mask and mask_meaning; ShapeError unless image and mask have the camera's
+///         size.
 [[nodiscard]] inline StraightImage read_colmap_image(const ColmapImage& entry, const std::filesystem::path& images,
                                                      const std::filesystem::path& masks = {});
 
@@ -85,19 +90,24 @@ inline StraightImage read_colmap_image(const ColmapImage& entry, const std::file
                              " x " + std::to_string(entry.camera.height) +
                              " as its camera says; were the images resized?");
     };
-    const auto photo = detail::named_path(images, entry.name, "the reconstruction");
-    StraightImage result{read_image(photo), entry.camera};
-    check(photo, result.image);
+    const auto path_of_photo = detail::named_path(images, entry.name, "the reconstruction");
+    StoredImage stored = read_stored_image(path_of_photo);
+    detail::CameraImage photo{{}, stored.orientation};
+    photo.turned = stored.orientation >= 5 && stored.image.width != entry.camera.width &&
+                   stored.image.height == entry.camera.width; // an image that was turned before COLMAP read it
+    photo.image = upright(std::move(stored.image), photo.turned ? stored.orientation : 1);
+    check(path_of_photo, photo.image);
     if (!masks.empty()) {
         std::error_code ignored;
         std::filesystem::path path = masks / (entry.name + ".png");
         if (!std::filesystem::exists(path, ignored)) path = (masks / entry.name).replace_extension(".png");
-        const PixelImage mask = read_image(path);
-        check(path, mask);
-        for (std::size_t i = 0; i < mask.data.size(); i += 4) result.image.data[i + 3] = mask.data[i];
+        const StoredMask mask = read_mask(path);
+        detail::set_alpha(detail::fitted_mask(path, mask, photo), photo.image,
+                          mask_meaning(path.string(), mask.levels, false));
     }
+    StraightImage result{std::move(photo.image), entry.camera};
     if (!entry.distortion) return result;
-    result.camera = straight_camera(photo.string(), entry.camera, *entry.distortion);
+    result.camera = straight_camera(path_of_photo.string(), entry.camera, *entry.distortion);
     PixelImage straight(4, result.camera.height, result.camera.width);
     cpu::Serial serial;
     resample_rgba8<double>(serial, Span<const std::uint8_t>(result.image.data), result.image.height, result.image.width,

@@ -12,11 +12,11 @@
 #include <gsh/io/capture/capture_data.hpp>
 #include <gsh/io/capture/capture_images.hpp>
 #include <gsh/io/capture/capture_photos.hpp>
+#include <gsh/io/file/folder_list.hpp>
 #include <gsh/io/file/number_lines.hpp>
 #include <gsh/io/image/image_file.hpp>
 #include <gsh/io/motion/any_motion.hpp>
 #include <gsh/io/motion/gala_rig.hpp>
-#include <gsh/io/motion/smplx_json_file.hpp>
 #include <gsh/math/quat.hpp>
 #include <gsh/math/rotation.hpp>
 #include <gsh/math/vec.hpp>
@@ -255,6 +255,7 @@ GalaScene load_gala_scene(E& executor, const std::filesystem::path& folder, cons
     for (NamedCamera& camera : capture.cameras) camera.camera = detail::shrink(camera.camera, factor, folder.string());
     const std::size_t C = capture.cameras.size(), F = frames.size();
     capture.images.resize(C * F);
+    capture.image_names.resize(C * F);
     std::vector<std::map<long, std::filesystem::path>> files(C);
     for (std::size_t c = 0; c < C; ++c)
         for (const auto& file : detail::list_numbered(folder / full[c].name, ".png")) files[c][file.number] = file.path;
@@ -271,10 +272,10 @@ GalaScene load_gala_scene(E& executor, const std::filesystem::path& folder, cons
                 throw IoError((folder / full[c].name).string() + ": the image of frame " + std::to_string(frame) +
                               " is missing");
             path = file->second;
+            capture.image_names[i - C] = path.stem().string();
             image = &capture.images[i - C];
         }
-        *image = read_image(path);
-        detail::check_image_size(path, *image, full[c]);
+        *image = detail::read_camera_image(path, full[c]).image;
         for (std::size_t n = 3; n < image->data.size(); n += 4) image->data[n] = 255; // photographs are used as a whole
         *image = detail::shrink(*image, factor);
     });

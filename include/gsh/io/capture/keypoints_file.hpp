@@ -7,14 +7,19 @@
 #include <gsh/core/error.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/io/capture/camera_file.hpp>
+#include <gsh/io/file/folder_list.hpp>
 #include <gsh/io/file/json_file.hpp>
+#include <gsh/io/file/text_lines.hpp>
 #include <gsh/math/vec.hpp>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstddef>
 #include <filesystem>
 #include <map>
+#include <optional>
+#include <set>
 #include <string>
 #include <string_view>
 #include <system_error>
@@ -34,47 +39,153 @@ namespace gsh {
 /// and optionally lefthand_kpts and righthand_kpts of 21 points). file_name is named as above, with an image's
 /// extension; folders above CAMERA are ignored.
 ///
-/// FRAME is the number at the end of the name. Photographs without a file have no keypoints. A confidence above 1, as
-/// COCO's visibility 2, counts as 1; points at confidence 0 are left out.
+/// FRAME is the number at the end of the name, with any number of zeros, counted from 0. If `images`, the names of the
+/// photographs, are given and fit, they count instead: a file for each photograph, or a photograph for each file, of
+/// the same name. Endings as "_keypoints", ".predictions" or ".jpg" do not count. Photographs without a file have no
+/// keypoints. A confidence above 1, as COCO's visibility 2, counts as 1; points at confidence 0 are left out.
 ///
-/// Shapes  the result has one element for each photograph with people, ordered by camera and frame.
+/// Shapes  the result has one element for each photograph with people, ordered by camera and frame. images are those of
+///         Capture::image_names, [cameras * frames] or none.
+/// Units   pixels of the cameras' images.
 /// Errors  IoError naming file and field: a path that does not exist, a folder without such files, a name of which
 ///         camera or frame do not exist, a photograph that occurs twice, lists of another length, numbers that are not
-///         finite.
+///         finite. ValueError for keypoints that are no pixels of a camera's images: scaled to 0…1 or -1…1, or for more
+///         than a third outside.
 [[nodiscard]] inline std::vector<PhotoKeypoints> load_keypoints(const std::filesystem::path& path,
                                                                 Span<const NamedCamera> cameras,
-                                                                std::size_t frame_count);
+                                                                std::size_t frame_count,
+                                                                Span<const std::string> images = {});
 
 // -------------------------------------------------------------------------------------------------------------
 
 namespace detail {
 
-/// Finds camera and frame in the name of a file.
-struct PhotoNames {
-    Span<const NamedCamera> cameras;
-    std::size_t frame_count;
+/// A file's name without what detectors append to that of the photograph.
+inline std::string photo_stem(std::string stem) {
+    constexpr std::array<std::string_view, 8> endings{"_keypoints", "_openpose", "_predictions", ".predictions",
+                                                      "_pose",      ".png",      ".jpg",         ".jpeg"};
+    for (bool found = true; found;) {
+        found = false;
+        for (const std::string_view ending : endings)
+            if (stem.size() > ending.size() && stem.ends_with(ending))
+                stem.resize(stem.size() - ending.size()), found = true;
+    }
+    return stem;
+}
 
-    /// `stem` is the file's name without extension.
-    [[nodiscard]] std::pair<std::size_t, std::size_t> find(const std::string& where, const std::string& folder,
-                                                           const std::string& stem) const {
+/// A name of a file split into what names a camera, and the number at its end.
+struct PhotoName {
+    std::string where;            ///< for messages
+    std::string stem, camera;     ///< camera is empty if it is not part of the name
+    std::string digits;           ///< at the end
+    std::optional<std::size_t> c; ///< the camera, if the name or a folder names one
+
+    PhotoName(std::string place, const std::filesystem::path& path, Span<const NamedCamera> cameras)
+        : where(std::move(place)), stem(photo_stem(path.stem().string())) {
         const std::size_t last = stem.find_last_not_of("0123456789");
         const std::size_t begin = last == std::string::npos ? 0 : last + 1;
-        if (begin == stem.size() || stem.size() - begin > 9)
-            throw IoError(where + ": its name does not end in a frame's number, expected CAMERA/FRAME or CAMERA_FRAME");
-        const auto frame = static_cast<std::size_t>(std::stoul(stem.substr(begin)));
-        if (frame >= frame_count)
-            throw IoError(where + ": is of frame " + std::to_string(frame) + ", expected one below " +
-                          std::to_string(frame_count) + ", the number of the capture's frames");
-        std::string prefix = stem.substr(0, begin);
-        if (!prefix.empty() && prefix.back() == '_') prefix.pop_back();
-        for (std::size_t c = 0; c < cameras.size(); ++c)
-            if (cameras[c].name == prefix || (prefix.empty() && cameras[c].name == folder)) return {c, frame};
-        if (cameras.size() == 1) return {0, frame};
-        std::vector<std::string> known;
-        for (const NamedCamera& camera : cameras) known.push_back(camera.name);
-        throw IoError(where + ": names no camera of the capture, expected one of " + listed(known, "none"));
+        digits = stem.substr(begin);
+        camera = stem.substr(0, begin);
+        if (!camera.empty() && std::string_view("_-. ").find(camera.back()) != std::string_view::npos)
+            camera.pop_back();
+        const auto find = [&](const std::string& name) {
+            for (std::size_t k = 0; k < cameras.size() && !c; ++k)
+                if (cameras[k].name == name) c = k;
+        };
+        find(camera);
+        for (auto folder = path.parent_path(); !c && folder.has_filename(); folder = folder.parent_path())
+            find(folder.filename().string());
+        if (!c && cameras.size() == 1) c = 0;
     }
 };
+
+/// Finds camera and frame of each file, in their order; no value for a file of a photograph that the capture does not
+/// hold.
+class PhotoNames {
+public:
+    PhotoNames(Span<const NamedCamera> cameras, std::size_t frame_count, Span<const std::string> images)
+        : cameras_(cameras), frame_count_(frame_count) {
+        for (std::size_t i = 0; i < images.size(); ++i)
+            if (!images[i].empty()) by_name_[{i / frame_count, images[i]}] = i % frame_count;
+    }
+
+    using Place = std::optional<std::pair<std::size_t, std::size_t>>;
+    [[nodiscard]] std::vector<Place> find(const std::vector<PhotoName>& names) const {
+        std::vector<Place> places;
+        std::set<std::pair<std::size_t, std::size_t>> found;
+        for (const PhotoName& name : names) {
+            if (!name.c) throw unknown_camera(name);
+            const auto image = by_name_.find({*name.c, name.stem});
+            const auto without = by_name_.find({*name.c, name.digits}); // CAMERA_FRAME
+            places.push_back(image != by_name_.end()     ? Place({*name.c, image->second})
+                             : without != by_name_.end() ? Place({*name.c, without->second})
+                                                         : std::nullopt);
+            if (places.back()) found.insert(*places.back());
+        }
+        const bool every_file = std::all_of(places.begin(), places.end(), [](const Place& p) { return p.has_value(); });
+        if (every_file || (!by_name_.empty() && found.size() == by_name_.size())) return places;
+        for (std::size_t i = 0; i < names.size(); ++i) places[i] = {*names[i].c, frame(names[i])};
+        return places;
+    }
+
+private:
+    Span<const NamedCamera> cameras_;
+    std::size_t frame_count_;
+    std::map<std::pair<std::size_t, std::string>, std::size_t> by_name_;
+
+    [[nodiscard]] std::size_t frame(const PhotoName& name) const {
+        if (name.digits.empty())
+            throw IoError(name.where + ": its name does not end in a frame's number, expected CAMERA/FRAME or "
+                                       "CAMERA_FRAME");
+        const long number = number_of_digits(name.digits);
+        if (number < 0 || static_cast<std::size_t>(number) >= frame_count_)
+            throw IoError(name.where + ": is of frame " +
+                          (number < 0 ? shortened(name.digits) : std::to_string(number)) + ", expected one below " +
+                          std::to_string(frame_count_) +
+                          ", the number of the capture's frames, or the name of a photograph");
+        return static_cast<std::size_t>(number);
+    }
+    [[nodiscard]] IoError unknown_camera(const PhotoName& name) const {
+        return IoError(name.where + ": names no camera of the capture, expected one of " +
+                       listing(cameras_.size(), 8, [&](std::size_t c) { return shortened(cameras_[c].name); }));
+    }
+};
+
+/// Throws ValueError if the keypoints of a camera cannot be pixels of its images.
+inline void check_pixels(const std::string& path, Span<const NamedCamera> cameras,
+                         const std::vector<PhotoKeypoints>& photos) {
+    for (std::size_t c = 0; c < cameras.size(); ++c) {
+        const double width = cameras[c].camera.width, height = cameras[c].camera.height;
+        vec2<double> low(1e300), high(-1e300);
+        std::size_t count = 0, outside = 0;
+        for (const PhotoKeypoints& photo : photos) {
+            if (photo.camera != c) continue;
+            for (const auto& person : photo.people)
+                for (const Keypoint& point : person) {
+                    const auto [x, y] = std::pair(point.pixel.x, point.pixel.y);
+                    low = {std::min(low.x, x), std::min(low.y, y)};
+                    high = {std::max(high.x, x), std::max(high.y, y)};
+                    constexpr double margin = 0.05; // detectors complete a person who is cut off
+                    outside += x < -margin * width || x > (1 + margin) * width || y < -margin * height ||
+                               y > (1 + margin) * height;
+                    ++count;
+                }
+        }
+        if (count < 4 || width < 16 || height < 16) continue; // tests of pieces name no size
+        const auto point = [](const vec2<double>& p) { return "(" + number_text(p.x) + ", " + number_text(p.y) + ")"; };
+        const std::string found = "the keypoints of camera '" + cameras[c].name + "' lie between " + point(low) +
+                                  " and " + point(high) + ", expected pixels of images of " + number_text(width) +
+                                  " x " + number_text(height);
+        constexpr double unit = 1.5;
+        check_value(std::max({-low.x, -low.y, high.x, high.y}) > unit, path,
+                    found + "; they are not pixels, but scaled to " + (std::min(low.x, low.y) < -0.1 ? "-1" : "0") +
+                        "…1: let the detector write pixels (OpenPose: leave out --keypoint_scale)");
+        check_value(3 * outside <= count, path,
+                    found + "; " + std::to_string(outside) + " of " + std::to_string(count) +
+                        " lie outside, so they are not pixels of these images: detect on images in the size in which "
+                        "gsh reads them");
+    }
+}
 
 /// Appends the joints among a list of points, three numbers each.
 inline void add_keypoints(const std::string& where, const Json& object, const char* field,
@@ -89,7 +200,10 @@ inline void add_keypoints(const std::string& where, const Json& object, const ch
         throw IoError(where + ": " + field + " has " +
                       (found->is_array() ? std::to_string(found->size()) + " elements" : "no list") + ", expected " +
                       std::to_string(3 * joints.size()) + " numbers: x, y and confidence of " +
-                      std::to_string(joints.size()) + " points");
+                      std::to_string(joints.size()) + " points" +
+                      (std::string_view(field) == "pose_keypoints_2d" && found->is_array() && found->size() == 54
+                           ? "; these are the 18 of OpenPose's model COCO, choose --model_pose BODY_25"
+                           : ""));
     for (std::size_t k = 0; k < joints.size(); ++k) {
         double numbers[3];
         for (std::size_t i = 0; i < 3; ++i) {
@@ -100,41 +214,45 @@ inline void add_keypoints(const std::string& where, const Json& object, const ch
         }
         if (numbers[2] < 0) throw IoError(where + ": " + field + " has a negative confidence, expected 0 to 1");
         if (joints[k].empty() || numbers[2] == 0) continue;
-        points.push_back({smplx_joint(std::string(side).append(joints[k])),
-                          {numbers[0], numbers[1]},
-                          std::min(numbers[2], 1.0)});
+        points.push_back(
+            {smplx_joint(std::string(side).append(joints[k])), {numbers[0], numbers[1]}, std::min(numbers[2], 1.0)});
     }
 }
 
 inline const Json& list_of(const std::string& where, const Json& json, const char* field) {
     const auto found = json.is_object() ? json.find(field) : json.end();
-    if (!json.is_object() || found == json.end() || !found->is_array())
-        throw IoError(where + ": has no list " + field + ", expected " +
-                      (std::string_view(field) == "people" ? "a file of OpenPose" : "a file of COCO-WholeBody"));
+    if (!json.is_object() || found == json.end() || !found->is_array()) {
+        const char* other = json.is_array()                                      ? "AlphaPose, OpenPifPaf and MMPose"
+                            : json.is_object() && json.contains("instance_info") ? "MMPose and Sapiens"
+                                                                                 : nullptr;
+        throw IoError(where + ": has no list " + field +
+                      (other ? " (it is as " + std::string(other) + " write it)" : "") + ", expected a file of " +
+                      (std::string_view(field) == "people" ? "OpenPose: people, pose_keypoints_2d of 25 points"
+                                                           : "COCO-WholeBody: images and annotations"));
+    }
     return *found;
 }
 
 } // namespace detail
 
 inline std::vector<PhotoKeypoints> load_keypoints(const std::filesystem::path& path, Span<const NamedCamera> cameras,
-                                                  std::size_t frame_count) {
+                                                  std::size_t frame_count, Span<const std::string> images) {
     using detail::Json;
     namespace fs = std::filesystem;
-    const detail::PhotoNames names{cameras, frame_count};
+    const detail::PhotoNames finder(cameras, frame_count, images);
+    std::vector<detail::PhotoName> names;
     std::map<std::pair<std::size_t, std::size_t>, PhotoKeypoints> photos;
     std::error_code error;
     if (fs::is_directory(path, error)) {
-        std::vector<fs::path> files;
-        for (const auto& entry : fs::recursive_directory_iterator(path, error))
-            if (entry.path().extension() == ".json") files.push_back(entry.path());
-        if (error) throw IoError(path.string() + ": cannot be listed: " + error.message());
+        std::vector<fs::path> files = list_files_below(path, "a folder of keypoints");
+        std::erase_if(files, [](const fs::path& file) { return file.extension() != ".json"; });
         if (files.empty()) throw IoError(path.string() + ": has no .json files, expected those of OpenPose");
-        std::sort(files.begin(), files.end());
-        for (const fs::path& file : files) {
-            std::string stem = file.stem().string();
-            constexpr std::string_view ending = "_keypoints";
-            if (stem.ends_with(ending)) stem.resize(stem.size() - ending.size());
-            const auto [camera, frame] = names.find(file.string(), file.parent_path().filename().string(), stem);
+        for (const fs::path& file : files) names.emplace_back(file.string(), file.lexically_relative(path), cameras);
+        const auto places = finder.find(names);
+        for (std::size_t i = 0; i < files.size(); ++i) {
+            if (!places[i]) continue; // of a photograph that the capture does not use
+            const fs::path& file = files[i];
+            const auto [camera, frame] = *places[i];
             const auto [place, is_new] = photos.try_emplace({camera, frame}, PhotoKeypoints{camera, frame, {}});
             if (!is_new)
                 throw IoError(file.string() + ": is of camera " + detail::shortened(cameras[camera].name) +
@@ -155,27 +273,32 @@ inline std::vector<PhotoKeypoints> load_keypoints(const std::filesystem::path& p
                           ": does not exist, expected a folder of OpenPose or a file of COCO-WholeBody");
         const std::string where = path.string();
         const Json json = detail::read_json(path);
-        std::map<std::string, std::pair<std::size_t, std::size_t>> image_of; // by id, as text
-        for (const Json& image : detail::list_of(where, json, "images")) {
+        const Json& listed = detail::list_of(where, json, "images");
+        for (const Json& image : listed) {
             if (!image.is_object() || !image.contains("id") || !image.contains("file_name") ||
                 !image["file_name"].is_string())
                 throw IoError(where + ": an element of images has no id or no file_name");
             const fs::path name = image["file_name"].get<std::string>();
-            const auto of = names.find(where + ": " + detail::shortened(name.string()),
-                                       name.parent_path().filename().string(), name.stem().string());
-            if (!photos.try_emplace(of, PhotoKeypoints{of.first, of.second, {}}).second)
-                throw IoError(where + ": images has camera " + detail::shortened(cameras[of.first].name) +
-                              " and frame " + std::to_string(of.second) + " twice, expected each once");
-            image_of[image["id"].dump()] = of;
+            names.emplace_back(where + ": " + detail::shortened(name.string()), name, cameras);
+        }
+        const auto places = finder.find(names);
+        std::map<std::string, detail::PhotoNames::Place> image_of; // by id, as text
+        for (std::size_t i = 0; i < places.size(); ++i) {
+            image_of[listed[i]["id"].dump()] = places[i];
+            if (!places[i]) continue;
+            const auto [camera, frame] = *places[i];
+            if (!photos.try_emplace({camera, frame}, PhotoKeypoints{camera, frame, {}}).second)
+                throw IoError(where + ": images has camera " + detail::shortened(cameras[camera].name) + " and frame " +
+                              std::to_string(frame) + " twice, expected each once");
         }
         for (const Json& person : detail::list_of(where, json, "annotations")) {
             const std::string id =
                 person.is_object() && person.contains("image_id") ? person["image_id"].dump() : "none";
             const auto of = image_of.find(id);
             if (of == image_of.end())
-                throw IoError(where + ": an annotation has image_id " + detail::shortened(id) +
-                              ", which is no id of images");
-            auto& points = photos.at(of->second).people.emplace_back();
+                throw IoError(where + ": an annotation has image_id " + id + ", which is no id of images");
+            if (!of->second) continue;
+            auto& points = photos.at(*of->second).people.emplace_back();
             detail::add_keypoints(where, person, "keypoints", coco_joints, "", true, points);
             detail::add_keypoints(where, person, "lefthand_kpts", hand_joints, "left_", false, points);
             detail::add_keypoints(where, person, "righthand_kpts", hand_joints, "right_", false, points);
@@ -184,6 +307,7 @@ inline std::vector<PhotoKeypoints> load_keypoints(const std::filesystem::path& p
     std::vector<PhotoKeypoints> result;
     for (auto& [of, photo] : photos)
         if (!photo.people.empty()) result.push_back(std::move(photo));
+    detail::check_pixels(path.string(), cameras, result);
     return result;
 }
 

@@ -11,6 +11,7 @@
 #include <gsh/io/capture/any_capture.hpp>
 #include <gsh/io/capture/camera_file.hpp>
 #include <gsh/io/capture/capture.hpp>
+#include <gsh/io/file/folder_list.hpp>
 #include <gsh/io/image/image_file.hpp>
 #include <gsh/io/motion/any_motion.hpp>
 
@@ -83,11 +84,12 @@ std::vector<Image<std::uint8_t>> load_person_masks(E& executor, const std::files
     std::error_code ignored;
     if (!std::filesystem::is_directory(folder, ignored)) return {};
     const std::size_t frames = capture.frame_count();
-    for (const auto& entry : std::filesystem::directory_iterator(folder, ignored)) {
-        const std::string name = entry.path().filename().string();
-        if (entry.is_directory(ignored) && std::none_of(capture.cameras.begin(), capture.cameras.end(),
-                                                        [&](const NamedCamera& camera) { return camera.name == name; }))
-            throw IoError(entry.path().string() + ": there is no camera '" + name + "' in cameras.json");
+    for (const auto& path : list_folder(folder)) {
+        const std::string name = path.filename().string();
+        if (std::filesystem::is_directory(path, ignored) &&
+            std::none_of(capture.cameras.begin(), capture.cameras.end(),
+                         [&](const NamedCamera& camera) { return camera.name == name; }))
+            throw IoError(path.string() + ": there is no camera '" + name + "' in cameras.json");
     }
     std::vector<std::vector<std::filesystem::path>> files(capture.cameras.size());
     for (std::size_t c = 0; c < files.size(); ++c)
@@ -95,14 +97,31 @@ std::vector<Image<std::uint8_t>> load_person_masks(E& executor, const std::files
             files[c] = list_frames(place, frames, poses);
     std::vector<Image<std::uint8_t>> masks(capture.cameras.size() * frames);
     const std::vector<CaptureView> views = capture.views(true);
+    std::vector<StoredMask> stored(views.size());
+    load_all(executor, views.size(), [&](std::size_t i) {
+        const auto [c, f] = views[i];
+        if (!files[c].empty()) stored[i] = read_mask(files[c][f]);
+    });
+    std::vector<MaskMeaning> meanings(files.size(), MaskMeaning::soft);
+    for (std::size_t c = 0; c < files.size(); ++c) {
+        MaskLevels all;
+        bool plain = false;
+        for (std::size_t i = 0; i < views.size(); ++i) {
+            if (views[i].camera != c) continue;
+            all.add(stored[i].levels);
+            plain = plain || (stored[i].levels.plain() && !stored[i].levels.unit);
+        }
+        meanings[c] = mask_meaning((folder / capture.cameras[c].name).string(), all, plain);
+    }
     load_all(executor, views.size(), [&](std::size_t i) {
         const auto [c, f] = views[i];
         if (files[c].empty()) return;
         const NamedCamera& camera = cameras[c];
-        const PixelImage file = read_image(files[c][f]);
-        check_image_size(files[c][f], file, camera);
+        CameraImage photo; // the mask's own size and orientation must be the camera's
+        photo.image = PixelImage(4, camera.camera.height, camera.camera.width);
+        const PixelImage file = fitted_mask(files[c][f], stored[i], photo, ", as camera '" + camera.name + "' says");
         PixelImage alpha(4, file.height, file.width);
-        apply_mask(file, alpha);
+        set_alpha(file, alpha, meanings[c]);
         if (camera.distortion) alpha = straighten(alpha, camera);
         Image<std::uint8_t>& mask = masks[c * frames + f] = Image<std::uint8_t>(1, file.height, file.width);
         for (std::size_t p = 0; p < mask.data.size(); ++p) mask.data[p] = alpha.data[4 * p + 3] > 127;
@@ -196,14 +215,14 @@ PeopleCapture load_people_capture(E& executor, const std::filesystem::path& fold
     const auto place = folder / "person_masks";
     std::error_code ignored;
     if (!several || !std::filesystem::is_directory(place, ignored)) return result;
-    for (const auto& entry : std::filesystem::directory_iterator(place, ignored)) {
-        const auto called = [&](const CapturePerson& person) {
-            return person.name == entry.path().filename().string();
-        };
-        if (!entry.is_directory(ignored) || std::any_of(result.people.begin(), result.people.end(), called)) continue;
+    for (const auto& path : list_folder(place)) {
+        const auto called = [&](const CapturePerson& person) { return person.name == path.filename().string(); };
+        if (!std::filesystem::is_directory(path, ignored) ||
+            std::any_of(result.people.begin(), result.people.end(), called))
+            continue;
         std::string known;
         for (const CapturePerson& person : result.people) known += (known.empty() ? "" : ", ") + person.name;
-        throw IoError(entry.path().string() + ": there is no such person; the people are " + known);
+        throw IoError(path.string() + ": there is no such person; the people are " + known);
     }
     const bool ours = result.any.layout == CaptureLayout::gsh; // the capture's cameras have lost their distortion
     const auto cameras = ours ? read_cameras(folder / "cameras.json").cameras : capture.cameras;

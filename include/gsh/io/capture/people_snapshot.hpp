@@ -11,6 +11,7 @@
 #include <gsh/io/capture/capture_data.hpp>
 #include <gsh/io/capture/capture_images.hpp>
 #include <gsh/io/capture/capture_photos.hpp>
+#include <gsh/io/file/folder_list.hpp>
 #include <gsh/io/file/json_file.hpp>
 #include <gsh/io/file/npy.hpp>
 #include <gsh/io/file/npz.hpp>
@@ -101,13 +102,9 @@ inline SnapshotSplit read_split(const std::filesystem::path& path) {
 
 /// Files of a folder with one of two extensions, in the order of their names; the first extension found is used.
 inline std::vector<std::filesystem::path> list_masks(const std::filesystem::path& folder) {
-    std::error_code error;
     std::vector<std::filesystem::path> files;
-    for (const auto& entry : std::filesystem::directory_iterator(folder, error))
-        if (entry.path().extension() == ".npy") files.push_back(entry.path());
-    if (error)
-        throw IoError(folder.string() + ": cannot be listed: " + error.message() + "; expected a folder of masks");
-    std::sort(files.begin(), files.end());
+    for (const auto& path : list_folder(folder, "a folder of masks"))
+        if (path.extension() == ".npy") files.push_back(path);
     return files.empty() ? list_images(folder) : files;
 }
 
@@ -244,7 +241,7 @@ Capture load_people_snapshot(E& executor, const std::filesystem::path& folder, c
         chosen_images.push_back(images[static_cast<std::size_t>(frames[i].number)]);
         chosen_masks.push_back(masks[static_cast<std::size_t>(frames[i].number)]);
     }
-    detail::load_photos(executor, chosen_images, chosen_masks, factor, options, folder, capture);
+    detail::load_photos(executor, chosen_images, chosen_masks, factor, options, folder, capture, warnings);
     detail::finish_capture(capture, body, options, folder, warnings);
     return capture;
 }

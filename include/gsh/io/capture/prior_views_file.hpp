@@ -13,6 +13,7 @@
 #include <gsh/io/file/named_path.hpp>
 #include <gsh/io/image/depth_map_file.hpp>
 #include <gsh/io/image/image_file.hpp>
+#include <gsh/io/image/mask_file.hpp>
 #include <gsh/io/image/normal_map_file.hpp>
 #include <gsh/prior/estimated_view.hpp>
 #include <gsh/prior/orthographic_camera.hpp>
@@ -155,15 +156,15 @@ inline PriorCamera crop_camera(const PriorCamera& whole, const std::vector<doubl
 
 /// Removes the pixels outside the mask of a file.
 inline void restrict_prior(PriorMap& map, const std::filesystem::path& path) {
-    const PixelImage mask = read_image(path);
+    const StoredMask stored = read_mask(path);
+    const PixelImage mask = upright(stored.values, stored.orientation);
     if (mask.width != map.mask.width || mask.height != map.mask.height)
         throw ShapeError(path.string() + " is " + std::to_string(mask.width) + " x " + std::to_string(mask.height) +
                          " pixels, its map " + std::to_string(map.mask.width) + " x " +
                          std::to_string(map.mask.height));
-    bool opaque = true;
-    for (std::size_t i = 3; i < mask.data.size(); i += 4) opaque = opaque && mask.data[i] == 255;
+    const int least = mask_meaning(path.string(), stored.levels, false) == MaskMeaning::binary ? 1 : 128;
     for (std::size_t i = 0; i < map.mask.data.size(); ++i)
-        if (mask.data[4 * i + (opaque ? 0 : 3)] <= 127) {
+        if (mask.data[i] < least) {
             map.mask.data[i] = 0;
             for (int c = 0; c < map.values.channels; ++c) map.values.view().row(c, 0)[i] = 0;
         }

@@ -5,6 +5,7 @@
 #include <gsh/core/error.hpp>
 #include <gsh/core/message.hpp>
 
+#include <algorithm>
 #include <cctype>
 #include <charconv>
 #include <cmath>

@@ -9,6 +9,7 @@
 #include <gsh/io/file/text_lines.hpp>
 #include <gsh/io/image/image_bounds.hpp>
 #include <gsh/io/image/image_file.hpp>
+#include <gsh/io/image/image_formats.hpp>
 #include <gsh/light/environment.hpp>
 
 #include <array>
@@ -136,7 +137,8 @@ inline Image<float> read_environment(const std::filesystem::path& path) {
             for (int x = 0; x < image.width; ++x)
                 for (int c = 0; c < 3; ++c) image.at(c, y, x) = linear[pixels.pixel(y, x)[c]];
     } else {
-        throw IoError(name + ": is not an environment image; expected Radiance HDR (.hdr), PNG or JPEG");
+        throw IoError(name + ": " +
+                      detail::not_an_image(view, "an environment image: Radiance HDR (.hdr), PNG or JPEG"));
     }
     check_environment(name, std::as_const(image).view());
     return image;

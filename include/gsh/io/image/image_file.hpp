@@ -6,11 +6,14 @@
 #include <gsh/core/span.hpp>
 #include <gsh/image/image.hpp>
 #include <gsh/io/file/atomic_file.hpp>
+#include <gsh/io/image/exif.hpp>
 #include <gsh/io/image/image_bounds.hpp>
+#include <gsh/io/image/image_formats.hpp>
 
 #include <stb/stb_image.h>
 #include <stb/stb_image_write.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -18,6 +21,7 @@
 #include <memory>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 namespace gsh {
@@ -43,10 +47,28 @@ private:
     }
 };
 
-/// Reads a PNG or JPEG as RGBA. An image without alpha is opaque; 16-bit samples are truncated to 8 bits.
+/// An image as its file stores it.
+struct StoredImage {
+    PixelImage image;
+    int orientation = 1;       ///< 1 to 8, of its Exif data: how it is to be turned for display; 1: not at all
+    bool sixteen_bits = false; ///< whether samples were truncated to 8 bits
+};
+
+/// Reads a PNG or JPEG as RGBA, as it is stored. An image without alpha is opaque; 16-bit samples are truncated to 8
+/// bits.
 ///
-/// Errors  IoError for a file that is missing, truncated, damaged, not an image, or larger than 2^26 pixels.
-[[nodiscard]] inline PixelImage read_image(const std::filesystem::path& path);
+/// Errors  IoError for a file that is missing, truncated, damaged, not an image, or larger than 2^26 pixels. Images of
+///         other formats are named.
+[[nodiscard]] inline StoredImage read_stored_image(const std::filesystem::path& path);
+
+/// The picture as viewers show it: turned or mirrored as an orientation of Exif (1 to 8) states.
+[[nodiscard]] inline PixelImage upright(PixelImage image, int orientation);
+
+/// Reads a PNG or JPEG as RGBA, upright. Errors as above.
+[[nodiscard]] inline PixelImage read_image(const std::filesystem::path& path) {
+    StoredImage stored = read_stored_image(path);
+    return upright(std::move(stored.image), stored.orientation);
+}
 
 /// The bytes of a PNG file with 1 (grey), 3 (RGB) or 4 (RGBA) channels.
 [[nodiscard]] inline std::string encode_png(const PixelImage& image);
@@ -71,13 +93,14 @@ void write_png(const std::filesystem::path& path, const Image<T>& image) {
 
 // -------------------------------------------------------------------------------------------------------------
 
-inline PixelImage read_image(const std::filesystem::path& path) {
+inline StoredImage read_stored_image(const std::filesystem::path& path) {
     const std::string name = path.string();
     std::string bytes = read_file(path);
     const bool png = bytes.starts_with(detail::png_signature), jpeg = bytes.starts_with(detail::jpeg_signature);
-    if (!png && !jpeg) throw IoError(name + ": is not a PNG or JPEG image");
+    if (!png && !jpeg) throw IoError(name + ": " + detail::not_an_image(bytes, "a PNG or JPEG image"));
+    const int orientation = detail::exif_orientation(bytes);
     if (png)
-        bytes = detail::unpacked_png(bytes, name);
+        bytes = detail::unpacked_png(bytes, name); // without Exif data
     else
         detail::check_jpeg(bytes, name);
 
@@ -91,11 +114,29 @@ inline PixelImage read_image(const std::filesystem::path& path) {
     const std::unique_ptr<stbi_uc, decltype(release)> pixels(
         stbi_load_from_memory(data, size, &width, &height, &channels, 4), release);
     if (!pixels) throw refuse();
-    PixelImage image;
+    StoredImage stored{{}, orientation, stbi_is_16_bit_from_memory(data, size) != 0};
+    PixelImage& image = stored.image;
     image.channels = 4, image.height = height, image.width = width;
     image.data.assign(pixels.get(), pixels.get() + std::size_t(4) * static_cast<std::size_t>(width) *
                                                        static_cast<std::size_t>(height));
-    return image;
+    return stored;
+}
+
+inline PixelImage upright(PixelImage image, int orientation) {
+    if (orientation <= 1 || orientation > 8) return image;
+    const bool on_its_side = orientation >= 5;
+    PixelImage turned(image.channels, on_its_side ? image.width : image.height,
+                      on_its_side ? image.height : image.width);
+    const bool from_right = orientation == 2 || orientation == 3 || orientation == 7 || orientation == 8;
+    const bool from_below = orientation == 3 || orientation == 4 || orientation == 6 || orientation == 7;
+    for (int y = 0; y < turned.height; ++y)
+        for (int x = 0; x < turned.width; ++x) {
+            const int row = on_its_side ? x : y, column = on_its_side ? y : x; // of the stored picture
+            std::copy_n(
+                image.pixel(from_below ? image.height - 1 - row : row, from_right ? image.width - 1 - column : column),
+                image.channels, turned.pixel(y, x));
+        }
+    return turned;
 }
 
 inline std::string encode_png(const PixelImage& image) {

@@ -6,6 +6,7 @@
 #include <gsh/image/image.hpp>
 #include <gsh/io/file/atomic_file.hpp>
 #include <gsh/io/file/npy.hpp>
+#include <gsh/io/image/exif.hpp>
 #include <gsh/io/image/image_file.hpp>
 #include <gsh/math/vec.hpp>
 #include <gsh/prior/prior_view.hpp>
@@ -86,6 +87,9 @@ inline RawNormals read_normal_png(const std::filesystem::path& path) {
     std::string bytes = read_file(path);
     if (!bytes.starts_with(png_signature))
         throw IoError(name + ": is not a PNG image; JPEG damages normals, and EXR is not read (save as .npy)");
+    if (exif_orientation(bytes) != 1)
+        throw IoError(name + ": its Exif data state that it is to be turned, which would turn its normals, too; store "
+                             "the map upright, without this tag");
     bytes = unpacked_png(bytes, name);
     const auto* data = reinterpret_cast<const stbi_uc*>(bytes.data());
     const int size = static_cast<int>(bytes.size());

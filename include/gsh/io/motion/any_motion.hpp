@@ -9,6 +9,7 @@
 #include <gsh/body/rig_motion.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/io/capture/camera_file.hpp>
+#include <gsh/io/file/folder_list.hpp>
 #include <gsh/io/file/npz.hpp>
 #include <gsh/io/file/text_lines.hpp>
 #include <gsh/io/motion/amass_file.hpp>

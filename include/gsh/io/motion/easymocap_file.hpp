@@ -7,6 +7,7 @@
 #include <gsh/body/moved_motion.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/io/capture/camera_file.hpp>
+#include <gsh/io/file/folder_list.hpp>
 #include <gsh/io/file/json_file.hpp>
 #include <gsh/io/file/named_path.hpp>
 #include <gsh/io/file/opencv_yaml.hpp>

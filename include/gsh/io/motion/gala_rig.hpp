@@ -5,9 +5,9 @@
 #include <gsh/body/body_model.hpp>
 #include <gsh/body/motion.hpp>
 #include <gsh/core/error.hpp>
+#include <gsh/io/file/folder_list.hpp>
 #include <gsh/io/file/npy.hpp>
 #include <gsh/io/file/number_lines.hpp>
-#include <gsh/io/motion/smplx_json_file.hpp>
 #include <gsh/math/quat.hpp>
 #include <gsh/math/rotation.hpp>
 #include <gsh/math/vec.hpp>

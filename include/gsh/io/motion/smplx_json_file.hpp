@@ -5,6 +5,7 @@
 #include <gsh/body/body_model.hpp>
 #include <gsh/body/motion.hpp>
 #include <gsh/core/error.hpp>
+#include <gsh/io/file/folder_list.hpp>
 #include <gsh/io/file/json_file.hpp>
 #include <gsh/io/motion/frame_rate.hpp>
 #include <gsh/io/motion/motion_file.hpp>
@@ -40,39 +41,6 @@ namespace gsh {
 // -------------------------------------------------------------------------------------------------------------
 
 namespace detail {
-
-/// A file with a number as its name.
-struct NumberedFile {
-    long number = 0;
-    std::filesystem::path path;
-};
-
-/// The number in a file's name, or -1.
-inline long number_of(const std::filesystem::path& path) {
-    const std::string stem = path.stem().string();
-    const bool digits = !stem.empty() && stem.size() <= 9 && stem.find_first_not_of("0123456789") == std::string::npos;
-    return digits ? std::stol(stem) : -1;
-}
-
-/// Files NUMBER.EXTENSION of a folder in the order of their numbers; other files are ignored.
-///
-/// Errors  IoError for a folder that cannot be listed, or a number that occurs twice (1.json, 01.json).
-inline std::vector<NumberedFile> list_numbered(const std::filesystem::path& folder, std::string_view extension) {
-    std::error_code error;
-    std::vector<NumberedFile> files;
-    for (const auto& entry : std::filesystem::directory_iterator(folder, error))
-        if (const long number = number_of(entry.path()); number >= 0 && entry.path().extension() == extension)
-            files.push_back({number, entry.path()});
-    if (error) throw IoError(folder.string() + ": cannot be listed: " + error.message());
-    std::sort(files.begin(), files.end(), [](const NumberedFile& a, const NumberedFile& b) {
-        return a.number != b.number ? a.number < b.number : a.path < b.path;
-    });
-    for (std::size_t i = 1; i < files.size(); ++i)
-        if (files[i].number == files[i - 1].number)
-            throw IoError(files[i].path.string() + ": its number is that of " + files[i - 1].path.filename().string() +
-                          ", expected each frame once");
-    return files;
-}
 
 /// The folder that contains the frames' files, which may be a few levels below `folder`; empty if there is none.
 inline std::filesystem::path smplx_json_folder(const std::filesystem::path& folder) {
