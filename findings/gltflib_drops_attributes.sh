@@ -6,7 +6,8 @@
 # Seen: what is not POSITION, NORMAL, TANGENT, TEXCOORD_0, TEXCOORD_1, COLOR_0, JOINTS_0 or WEIGHTS_0 is gone, without a
 #   word. Accessors, buffers, the primitive's extensions and extensionsUsed stay, so nothing looks amiss.
 # Output: of JOINTS_0/1, WEIGHTS_0/1, _REGION and KHR_gaussian_splatting:ROTATION only JOINTS_0 and WEIGHTS_0 come back.
-# Matters: bodies with more than four bones a vertex keep weights that no longer sum to 1; Gaussians become bare points that still claim the extension.
+# Matters: bodies with more than four bones a vertex keep weights that no longer sum to 1; Gaussians become bare
+#   points that still claim the extension.
 set -euo pipefail
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
