@@ -232,6 +232,11 @@ constexpr const char* drive_other = R"js(
   const words = () => find("#message").textContent;
   await check("a folder is refused", drop.defaultPrevented && /^motions: is a folder/.test(words()));
   if (!people) {
+    const box = { centre: [0, 0, 0], half: [1, 1, 1] }, up = new gsh.OrbitCamera(box), down = new gsh.OrbitCamera(box);
+    down.up = -1;
+    for (const camera of [up, down]) camera.yaw = 0.7, camera.pitch = 0.3, camera.turn(0.1, 0.05);
+    const axes = up.axes().flat(), turned = down.axes().map(([x, y, z]) => [x, -y, -z]).flat();
+    await check("y down is seen turned about x", axes.every((v, k) => Math.abs(v - turned[k]) < 1e-12));
     const one = new DataTransfer();
     one.items.add(new File(["x"], "walk.bvh"));
     const onto = (type) => new DragEvent(type, { dataTransfer: one, bubbles: true, cancelable: true });
