@@ -12,6 +12,7 @@
 #include <gsh/io/file/gltf_nodes.hpp>
 #include <gsh/io/file/gltf_numbers.hpp>
 #include <gsh/io/file/text_lines.hpp>
+#include <gsh/io/motion/gltf_frame_times.hpp>
 #include <gsh/io/motion/gltf_joints.hpp>
 #include <gsh/io/motion/unit_guess.hpp>
 #include <gsh/math/affine.hpp>
@@ -34,7 +35,8 @@ namespace gsh {
 ///           file, humanoid bones have VRM's names.
 /// Rest      of VRM files the nodes' own transforms, as VRM demands; else the pose in which the largest skin was bound
 ///           (its inverse bind matrices), and the nodes' transforms without a skin.
-/// Frames    the key frames if they are evenly spaced, 5 a second or more; else 30 a second, interpolated.
+/// Frames    the key frames if they are evenly spaced, 24 a second or more. Otherwise, and where curves between keys
+///           bend, more, so that the curves are kept (io/motion/gltf_frame_times.hpp).
 /// Frame     y up, as in glTF. Scales of nodes count, for instance an armature scaled by 0.01.
 /// Units     metres; other units are guessed from the legs, with a warning.
 /// Errors    IoError, ValueError naming file and place: no animation, an index out of range, a tree with a cycle, times
@@ -55,7 +57,13 @@ public:
     RigMotion read(const JointMap& map, std::vector<std::string>* warnings, const std::string& wanted) {
         choose_animation(wanted, warnings);
         joints_.keep_joints([&](int node) { return channels_.contains(node); });
-        const std::vector<double> times = frame_times();
+        const GltfFrameTimes frames(file_, channels_);
+        const std::vector<double>& times = frames.times();
+        if (frames.error() > 1 && warnings)
+            warnings->push_back(file_.name() + ": between frames, at " +
+                                std::to_string(std::lround(1 / (times[1] - times[0]))) +
+                                " a second, joints are up to " + number_text(std::round(frames.error())) +
+                                " degrees off the animation's curves");
         check_rig_size(file_.name(), joints_.joint_count(), times.size());
         joints_.describe(rig_);
         rig_.rest_joints.resize(rig_.joint_count()), rig_.rest_rotations.resize(rig_.joint_count());
@@ -103,32 +111,6 @@ private:
         const std::string where = "animation '" + shortened(names[static_cast<std::size_t>(chosen)]) + "'";
         channels_ = nodes_.channels(all[static_cast<std::size_t>(chosen)], numbers_, where);
         if (channels_.empty()) file_.fail(where + " moves no node");
-    }
-
-    /// The times of the key frames if they are evenly spaced, else 30 times a second from the first to the last.
-    [[nodiscard]] std::vector<double> frame_times() const {
-        std::vector<double> keys;
-        const std::vector<double>* last = nullptr;
-        for (const auto& [node, channels] : channels_)
-            for (const GltfChannel* channel : {&channels.rotation, &channels.translation, &channels.scale}) {
-                if (last && *last == channel->times()) continue; // as most channels are
-                last = &channel->times();
-                keys.insert(keys.end(), last->begin(), last->end());
-            }
-        std::sort(keys.begin(), keys.end());
-        constexpr double same = 1e-4; // seconds; files round differently
-        keys.erase(std::unique(keys.begin(), keys.end(), [](double a, double b) { return b - a < same; }), keys.end());
-        const double from = keys.front(), length = keys.back() - from;
-        const double step = keys.size() > 1 ? length / static_cast<double>(keys.size() - 1) : 0;
-        bool even = step <= 0.2;
-        for (std::size_t k = 0; k < keys.size(); ++k)
-            even = even && std::abs(keys[k] - from - static_cast<double>(k) * step) <= 0.05 * step + same;
-        if (even) return keys;
-        constexpr double rate = 30;
-        if (length * rate > 16e6) file_.fail("lasts " + number_text(length) + " s, more than is read");
-        std::vector<double> times;
-        for (double t = 0; t <= length + 0.001; t = static_cast<double>(times.size()) / rate) times.push_back(from + t);
-        return times;
     }
 
     /// World frames of all joints at a time; without channels, of the nodes' own transforms.
