@@ -6,6 +6,7 @@
 #include <gsh/camera/pinhole.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/io/file/atomic_file.hpp>
+#include <gsh/io/file/foreign_file.hpp>
 
 #include <nlohmann/json.hpp>
 
@@ -68,7 +69,8 @@ inline Json read_json(const std::filesystem::path& path) {
     try {
         return Json::parse(text);
     } catch (const nlohmann::json::exception& error) {
-        throw IoError(path.string() + ": is not JSON, or truncated: " + error.what());
+        throw IoError(path.string() + ": " +
+                      not_the_kind(path, "JSON", "json", std::string("is not JSON, or truncated: ") + error.what()));
     }
 }
 

@@ -4,6 +4,7 @@
 
 #include <gsh/core/error.hpp>
 #include <gsh/io/file/atomic_file.hpp>
+#include <gsh/io/file/foreign_file.hpp>
 #include <gsh/io/file/gltf_json.hpp>
 #include <gsh/io/file/text_lines.hpp>
 
@@ -136,7 +137,7 @@ inline nlohmann::json GltfFile::reduced_json(std::string_view text, std::size_t 
     try {
         all = nlohmann::json::parse(text);
     } catch (const nlohmann::json::exception& error) {
-        fail(std::string("is not glTF, or truncated: ") + error.what());
+        fail(not_the_kind(name_, "glTF", "gltf", std::string("is not glTF, or truncated: ") + error.what()));
     }
     if (!all.is_object() || !all.contains("asset")) fail("is not glTF: the object 'asset' is missing");
     const auto& asset = all["asset"];

@@ -6,6 +6,7 @@
 #include <gsh/image/color.hpp>
 #include <gsh/image/image.hpp>
 #include <gsh/io/file/atomic_file.hpp>
+#include <gsh/io/file/foreign_file.hpp>
 #include <gsh/io/image/image_file.hpp>
 #include <gsh/light/environment.hpp>
 
@@ -130,7 +131,9 @@ inline Image<float> read_environment(const std::filesystem::path& path) {
             for (int x = 0; x < image.width; ++x)
                 for (int c = 0; c < 3; ++c) image.at(c, y, x) = linear[pixels.pixel(y, x)[c]];
     } else {
-        throw IoError(name + ": is not an environment image; expected Radiance HDR (.hdr), PNG or JPEG");
+        throw IoError(name + ": " +
+                      not_the_kind(path, "an environment image: Radiance HDR (.hdr), PNG or JPEG", "",
+                                   "is not an environment image; expected Radiance HDR (.hdr), PNG or JPEG"));
     }
     check_environment(name, std::as_const(image).view());
     return image;

@@ -7,6 +7,7 @@
 #include <gsh/image/image.hpp>
 #include <gsh/io/file/atomic_file.hpp>
 #include <gsh/io/file/crc32.hpp>
+#include <gsh/io/file/foreign_file.hpp>
 
 #include <stb/stb_image.h>
 #include <stb/stb_image_write.h>
@@ -113,7 +114,8 @@ inline std::string jpeg_fault(std::string_view bytes) {
 inline PixelImage read_image(const std::filesystem::path& path) {
     const std::string name = path.string(), bytes = read_file(path);
     const bool png = bytes.starts_with("\x89PNG\r\n\x1a\n"), jpeg = bytes.starts_with("\xFF\xD8\xFF");
-    if (!png && !jpeg) throw IoError(name + ": is not a PNG or JPEG image");
+    if (!png && !jpeg)
+        throw IoError(name + ": " + not_the_kind(path, "a PNG or JPEG image", "", "is not a PNG or JPEG image"));
     if (const std::string fault = png ? detail::png_fault(bytes) : detail::jpeg_fault(bytes); !fault.empty())
         throw IoError(name + ": the image is " + fault);
     if (png) detail::check_pixel_count(name, detail::png_number(bytes, 16), detail::png_number(bytes, 20));

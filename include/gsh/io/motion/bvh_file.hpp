@@ -8,6 +8,7 @@
 #include <gsh/body/turned_limbs.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/io/file/atomic_file.hpp>
+#include <gsh/io/file/foreign_file.hpp>
 #include <gsh/io/file/text_lines.hpp>
 #include <gsh/io/motion/unit_guess.hpp>
 #include <gsh/math/rotation.hpp>
@@ -75,6 +76,12 @@ private:
     std::set<std::string> seen_;
     std::size_t channel_count_ = 0;
 
+    [[noreturn]] void refuse_beginning() const {
+        const std::string foreign = not_the_kind(lines_.name(), "a BVH file", "bvh", "");
+        if (!foreign.empty()) throw IoError(lines_.name() + ": " + foreign);
+        lines_.fail("is not the beginning of a BVH file, expected HIERARCHY");
+    }
+
     void add_joint(const std::string& name, int parent) {
         if (name.empty()) lines_.fail("is a joint without a name");
         if (!seen_.insert(name).second)
@@ -94,8 +101,7 @@ private:
 
     void read_hierarchy() {
         constexpr std::size_t deepest = 256, most = 4096;
-        if (!lines_.next() || !is_word(first_word(lines_.line()), "HIERARCHY"))
-            lines_.fail("is not the beginning of a BVH file, expected HIERARCHY");
+        if (!lines_.next() || !is_word(first_word(lines_.line()), "HIERARCHY")) refuse_beginning();
         std::vector<int> open; // joints whose braces are open
         int coming = -2;       // a joint whose opening brace was not read yet
         while (lines_.next()) {

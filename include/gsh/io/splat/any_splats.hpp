@@ -3,6 +3,7 @@
 #pragma once
 
 #include <gsh/core/error.hpp>
+#include <gsh/io/file/foreign_file.hpp>
 #include <gsh/io/splat/compressed_ply.hpp>
 #include <gsh/io/splat/gltf_splats.hpp>
 #include <gsh/io/splat/ply.hpp>
@@ -14,6 +15,7 @@
 #include <cstdio>
 #include <filesystem>
 #include <memory>
+#include <string>
 #include <string_view>
 #include <system_error>
 
@@ -45,8 +47,10 @@ enum class SplatFormat { ply, compressed_ply, spz, splat, glb };
     if (ending == ".ply") return SplatFormat::ply;
     if (ending == ".spz") return SplatFormat::spz;
     if (ending == ".glb") return SplatFormat::glb;
-    throw IoError(path.string() +
-                  ": is in no known format of Gaussians; expected .ply, .compressed.ply, .spz, .splat or .glb");
+    constexpr const char* formats = ".ply, .compressed.ply, .spz, .splat or .glb";
+    throw IoError(
+        path.string() + ": " +
+        not_the_kind(path, formats, "", std::string("is in no known format of Gaussians; expected ") + formats));
 }
 
 /// True for formats that by custom have y down unless they state otherwise.
