@@ -76,7 +76,7 @@ TEST_CASE_FIXTURE(Kinds, "kinds by first bytes") {
         {"#usda 1.0\n", "USD file (as text)"},
         {"\x02\x50" + std::string(600, '\1'), ".c3d"},
         {"PathFileType\t4\t(X/Y/Z)", ".trc"},
-        {"# AST/ASF file generated using VICON BODY LANGUAGE\n", ".asf"},
+        {"# AST/ASF file generated using VICON BODY LANGUAGE\n:version 1.10\n:name VICON\n", ".asf"},
         {"#!OML:ASF\n:FULLY-SPECIFIED\n", ".amc"},
         {":FULLY-SPECIFIED\n:DEGREES\n", ".amc"},
         {std::string("\0\0\0\x20"

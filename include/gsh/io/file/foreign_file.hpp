@@ -143,9 +143,6 @@ inline ForeignKind kind_by_signature(std::string_view head) {
         {"HIERARCHY"sv, "a BVH motion", no_way, "bvh"},
         {"Vocaloid Motion Data"sv, "a motion of MikuMikuDance (.vmd)", "convert it to BVH or .vrma"},
         {"PathFileType"sv, "a file of markers (.trc)", markers},
-        {"# AST/ASF"sv, "a skeleton of Acclaim (.asf)", "convert it with its .amc to BVH"},
-        {":version 1"sv, "a skeleton of Acclaim (.asf)", "convert it with its .amc to BVH"},
-        {":FULLY-SPECIFIED"sv, "a motion of Acclaim (.amc)", "convert it with its .asf to BVH"},
         {"ply\n"sv, "a PLY file", no_way, "ply"},
         {"ply\r"sv, "a PLY file", no_way, "ply"},
         {"\x89PNG\r\n\x1a\n"sv, "a PNG picture", no_way, "png"},
@@ -206,6 +203,12 @@ inline ForeignKind kind_of_text(std::string_view head) {
     if (start.starts_with("<!doctype html") || start.starts_with("<html"))
         return {"a web page", "the download has failed, or stopped at a login; download the file itself"};
     if (start.starts_with("hierarchy")) return {"a BVH motion", "", "bvh"};
+    if (start.starts_with("#") || start.starts_with(":")) { // Acclaim's files begin with comments
+        if (start.find("\n:fully-specified") != std::string::npos || start.starts_with(":fully-specified"))
+            return {"a motion of Acclaim (.amc)", "convert it with its .asf to BVH"};
+        if (start.find("\n:version") != std::string::npos || start.starts_with(":version"))
+            return {"a skeleton of Acclaim (.asf)", "convert it with its .amc to BVH"};
+    }
     if (start.starts_with("<") && start.find("<collada") != std::string::npos) return {"a COLLADA file (.dae)", to_glb};
     if (start.starts_with("<?xml") || start.starts_with("<opencv_storage"))
         return {start.find("<opencv_storage") != std::string::npos ? "XML of OpenCV" : "an XML text",

@@ -28,8 +28,8 @@ namespace gsh {
 /// A member is inflated only when it is read, and memory is allocated only after its header agrees with its size. A
 /// pickled member is an error only if its numbers are read.
 ///
-/// Errors  those of read_npy; each message begins with the file and names the key. Files of other kinds (pickles, files of
-///         PyTorch, …) are named as such.
+/// Errors  those of read_npy; each message begins with the file and names the key. Files of other kinds (pickles,
+///         files of PyTorch, …) are named as such.
 class NpzReader {
 public:
     /// Limits on allocation. Members of real body models stay below 200 MiB. Weights and regressors, sparse but stored
