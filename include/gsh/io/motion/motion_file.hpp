@@ -176,7 +176,7 @@ private:
         const auto hand = read_frames(key);
         const std::size_t width = hand.dim(1);
         if (width == 45) return place(hand, 0, joint, 15);
-        if (components.empty()) { // zero components are the mean hand, also of a body without components
+        if (components.empty() && width < 45) { // zero components are the mean hand, also of a body without components
             if (std::any_of(hand.data.begin(), hand.data.end(), [](double x) { return x != 0; }))
                 warn(std::string(key) + " holds " + std::to_string(width) +
                      " principal components, but the body model has none; the hand stays as the mean hand");
