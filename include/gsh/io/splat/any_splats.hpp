@@ -47,10 +47,10 @@ enum class SplatFormat { ply, compressed_ply, spz, splat, glb };
     if (ending == ".ply") return SplatFormat::ply;
     if (ending == ".spz") return SplatFormat::spz;
     if (ending == ".glb") return SplatFormat::glb;
-    constexpr const char* formats = ".ply, .compressed.ply, .spz, .splat or .glb";
-    throw IoError(
-        path.string() + ": " +
-        not_the_kind(path, formats, "", std::string("is in no known format of Gaussians; expected ") + formats));
+    const ForeignKind kind = foreign_kind(path);
+    throw IoError(path.string() + ": is in no known format of Gaussians" + (kind ? ", but " + kind.name : "") +
+                  "; expected .ply, .compressed.ply, .spz, .splat or .glb" +
+                  (kind.way_out.empty() ? "" : "; " + kind.way_out));
 }
 
 /// True for formats that by custom have y down unless they state otherwise.
