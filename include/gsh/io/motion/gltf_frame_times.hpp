@@ -18,7 +18,7 @@ namespace gsh::detail {
 
 /// Frames are joined by turns about a fixed axis, so they must be dense where an animation's curves are not such turns.
 ///
-/// Rate   that of the keys if all channels together have even keys, 24 a second or more. Else the first of 30, 24, 25,
+/// Rate   that of the keys if all channels together have even keys, 10 a second or more. Else the first of 30, 24, 25,
 ///        60, 50, 48, 100 and 120 a second at which every key is a frame; else the least multiple of an even rate from
 ///        30 on; else 30. It is multiplied until rotations between frames are off by at most 0.25 degrees, up to 120 a
 ///        second.
@@ -80,7 +80,7 @@ private:
         bool even = true;
         for (std::size_t k = 0; k < keys_.size(); ++k)
             even = even && std::abs(keys_[k] - keys_[0] - static_cast<double>(k) * step) <= 0.05 * step + same_;
-        if (even && step < 1 / 23.9) return on_keys_ = true, 1 / step;
+        if (even && step < 1 / 9.9) return on_keys_ = true, 1 / step; // the frames that a program has written
         for (const double rate : {30, 24, 25, 60, 50, 48, 100, 120}) {
             const auto is_frame = [&](double key) {
                 const double frame = (key - keys_[0]) * rate;

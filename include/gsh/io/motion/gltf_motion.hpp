@@ -35,7 +35,7 @@ namespace gsh {
 ///           file, humanoid bones have VRM's names.
 /// Rest      of VRM files the nodes' own transforms, as VRM demands; else the pose in which the largest skin was bound
 ///           (its inverse bind matrices), and the nodes' transforms without a skin.
-/// Frames    the key frames if they are evenly spaced, 24 a second or more. Otherwise, and where curves between keys
+/// Frames    the key frames if they are evenly spaced, 10 a second or more. Otherwise, and where curves between keys
 ///           bend, more, so that the curves are kept (io/motion/gltf_frame_times.hpp).
 /// Frame     y up, as in glTF. Scales of nodes count, for instance an armature scaled by 0.01.
 /// Units     metres; other units are guessed from the legs, with a warning.
