@@ -117,18 +117,33 @@ gsh.npz = (() => {
     }
   }
 
+  const converted = "expected an .npz archive; docs/captures.md has a program that converts it";
+
+  /** What a file is that is no archive, as io/file/foreign_file.hpp names it; "" for a kind that is not known. */
+  function kindOf(bytes) {
+    const start = String.fromCharCode(...bytes.subarray(0, 20));
+    if (/^\x80[\x02-\x05]/.test(start)) return `is a pickle of Python, ${converted}`;
+    if (start.startsWith("\x93NUMPY")) return `is a single array of NumPy (.npy), ${converted}`;
+    if (/^(\x89HDF|MATLAB)/.test(start)) return `is an HDF5 or MATLAB file, ${converted}`;
+    if (/^\s*HIERARCHY|^glTF|^\s*\{/.test(start)) return "is a motion of another rig; gsh-motion converts it to .npz";
+    if (/^(Kaydara FBX|; FBX)/.test(start)) return "is an FBX file; convert it to GLB with Blender, then with gsh-motion";
+    return "";
+  }
+
   async function readMembers(buffer) {
     const bytes = new Uint8Array(buffer), view = new DataView(buffer), arrays = {};
     let end = bytes.length - 22, left = largest;
     while (end >= 0 && view.getUint32(end, true) !== 0x06054b50) --end;
-    if (end < 0) throw new Error("is not an .npz archive, or a truncated one");
+    if (end < 0) throw new Error(kindOf(bytes) || "is not an .npz archive, or a truncated one");
     let at = view.getUint32(end + 16, true);
     for (let n = view.getUint16(end + 10, true); n > 0; --n) {
       if (view.getUint32(at, true) !== 0x02014b50) throw new Error("is damaged");
       const method = view.getUint16(at + 10, true), crc = view.getUint32(at + 16, true);
       const size = view.getUint32(at + 20, true);
       const lengths = [28, 30, 32].map((o) => view.getUint16(at + o, true)), local = view.getUint32(at + 42, true);
-      const key = new TextDecoder().decode(bytes.subarray(at + 46, at + 46 + lengths[0])).replace(/\.npy$/, "");
+      const member = new TextDecoder().decode(bytes.subarray(at + 46, at + 46 + lengths[0]));
+      if (member.endsWith("data.pkl")) throw new Error(`is a file of PyTorch, ${converted}`);
+      const key = member.replace(/\.npy$/, "");
       const begin = local + 30 + view.getUint16(local + 26, true) + view.getUint16(local + 28, true);
       const stored = bytes.subarray(begin, begin + size);
       if (method !== 0 && method !== 8) throw new Error(`${key} is packed by method ${method}, which is not read`);

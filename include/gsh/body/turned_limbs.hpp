@@ -25,9 +25,10 @@ struct LimbTurns {
     double fingers = 0; ///< hands and fingers
 };
 
-/// Turns the rotations of a rig's frames such that limbs, hands and fingers point to the joints at their ends. Positions
-/// and rotations differ where joints are moved in their parent's frame (position channels of BVH, translations of
-/// glTF), where a joint between the two ends turns, and where an estimator has refined positions alone.
+/// Turns the rotations of a rig's frames such that limbs, hands and fingers point to the joints at their ends.
+/// Positions and rotations differ where joints are moved in their parent's frame (position channels of BVH,
+/// translations of glTF), where a joint between the two ends turns, and where an estimator has refined positions
+/// alone.
 ///
 /// A bone is turned by the smallest angle, so its twist stays. A hand is turned by its knuckles: the direction to the
 /// middle finger, and the line from the little finger to the index. A phalanx without a joint at its end turns with the

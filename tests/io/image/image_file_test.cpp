@@ -146,9 +146,11 @@ TEST_CASE("what is no image, or no longer one, is named") {
     const auto read = [&] { (void)read_image(path); };
     test::check_throws<IoError>(read, {path.string(), "No such file"});
     write_file(path, "");
-    test::check_throws<IoError>(read, {path.string(), "not a PNG or JPEG"});
+    test::check_throws<IoError>(read, {path.string(), "is empty, expected a PNG or JPEG image"});
     write_file(path, "<html>");
-    test::check_throws<IoError>(read, {path.string(), "web page", "PNG or JPEG"});
+    test::check_throws<IoError>(read, {path.string(), "is a web page, expected a PNG or JPEG image"});
+    write_file(path, "words");
+    test::check_throws<IoError>(read, {path.string(), "is not a PNG or JPEG image"});
 
     const std::string png = encode_png(pattern(4, 32, 32));
     for (const std::size_t cut : {std::size_t(1), std::size_t(12), std::size_t(30), png.size() / 2, png.size() - 20}) {

@@ -43,10 +43,10 @@ TEST_CASE("images of other formats are named by their first bytes, with the way 
     write_file(folder / "a.jpg", bytes("\0\0\0\x18"
                                        "ftypisom\0\0\0\0",
                                        16));
-    test::check_throws<IoError>([&] { (void)read_image(folder / "a.jpg"); }, {"a video", "ffmpeg"});
+    test::check_throws<IoError>([&] { (void)read_image(folder / "a.jpg"); }, {"an MP4 video", "ffmpeg"});
     write_file(folder / "a.jpg", "version https://git-lfs.github.com/spec/v1\noid sha256:12\n");
-    test::check_throws<IoError>([&] { (void)read_image(folder / "a.jpg"); }, {"a Git LFS pointer", "git lfs pull"});
-    for (const char* other : {"", "R", "RIFF", "MMxx",
+    test::check_throws<IoError>([&] { (void)read_image(folder / "a.jpg"); }, {"a pointer of Git LFS", "git lfs pull"});
+    for (const char* other : {"R", "RIFF", "MMxx",
                               "\0\0\0\x18"
                               "ftyp",
                               "text"}) {

@@ -97,10 +97,84 @@ TEST_CASE("motions of other rigs are known by their first bytes or their ending,
 
     write_file(folder / "walk.fbx", "Kaydara FBX Binary  ");
     test::check_throws<IoError>([&] { (void)load_any_motion(folder / "walk.fbx", body); }, {"FBX", "GLB"});
+    write_file(folder / "fit.pkl", "\x80\x04}.");
+    test::check_throws<IoError>([&] { (void)load_any_motion(folder / "fit.pkl", body); },
+                                {"fit.pkl: is a pickle of Python (protocol 4), expected a motion", "docs/captures.md"});
+    write_file(folder / "000000.json", "{}");
+    test::check_throws<IoError>([&] { (void)load_any_motion(folder / "000000.json", body); }, {"give the folder"});
     write_file(folder / "text.bvh", "not a motion");
     test::check_throws<IoError>([&] { (void)load_any_motion(folder / "text.bvh", body); }, {"HIERARCHY"});
     write_file(folder / "text.glb", "not a motion");
     test::check_throws<IoError>([&] { (void)load_any_motion(folder / "text.glb", body); }, {"not glTF"});
+}
+
+TEST_CASE("folders of one .npz a frame, as SMPLer-X writes them") {
+    const test::Temporary folder;
+    const BodyModel body = test::small_body(55, 3, 2, true);
+    const auto frame = [&](const std::string& name, double x, bool axes, const char* missing = "") {
+        fs::create_directories((folder / name).parent_path());
+        NpzWriter file(folder / name);
+        const auto add = [&](const char* key, std::size_t joints) {
+            if (std::string(key) != missing)
+                file.add(key, std::vector<double>(3 * joints, x), axes ? Shape{joints, 3} : Shape{1, 3 * joints});
+        };
+        add("global_orient", 1), add("body_pose", 21), add("jaw_pose", 1), add("leye_pose", 1), add("reye_pose", 1);
+        add("left_hand_pose", 15), add("right_hand_pose", 15), add("transl", 1);
+        file.add("betas", std::vector<double>(3, x), {1, 3});
+        file.add("expression", std::vector<double>(2, x), {1, 2});
+        file.commit();
+    };
+    for (const bool axes : {true, false}) {
+        const std::string place = axes ? "joints/" : "rows/";
+        frame(place + "00003_0.npz", 0.5, axes), frame(place + "00002_0.npz", 0.25, axes);
+        frame(place + "00002_1.npz", -0.125, axes), frame(place + "._00002_1.npz", 9, axes);
+        CHECK(recognise_motion(folder / place) == MotionLayout::npz_frames);
+        const Motion first = load_any_motion(folder / place, body);
+        REQUIRE(first.frame_count() == 2);
+        CHECK(first.timestamps == std::vector<double>{2 / 30.0, 0.1});
+        CHECK(first.pose_at(0)[21] == vec3<double>(0.25));
+        CHECK(first.pose_at(1)[21] == vec3<double>(0.5));
+        CHECK(first.transl[1] == vec3<double>(0.5));
+        CHECK(first.betas == std::vector<double>(3, 0.375)); // their mean
+        CHECK(first.expression[2] == 0.5);
+        CHECK(first.pose_at(1)[25] == vec3<double>(0.5) + body.hands_mean_left[0]);
+        MotionFileOptions options;
+        options.person = 1, options.fps = 10;
+        CHECK(load_any_motion(folder / place, body, options).pose_at(0)[3] == vec3<double>(-0.125));
+        CHECK(load_any_motion(folder / place, body, options).timestamps[0] == 0.2);
+        options.person = 2;
+        test::check_throws<IoError>([&] { (void)load_any_motion(folder / place, body, options); },
+                                    {"person 2 is missing, there are 0, 1"});
+    }
+    frame("lost/frame_1.npz", 0, true), frame("lost/frame_2.npz", 0, true, "jaw_pose");
+    test::check_throws<IoError>([&] { (void)load_any_motion(folder / "lost", body); },
+                                {"frame_2.npz: jaw_pose is missing"});
+    frame("twice/1.npz", 0, true), frame("twice/01.npz", 0, true);
+    test::check_throws<IoError>([&] { (void)load_any_motion(folder / "twice", body); },
+                                {"1.npz: its number is that of"});
+    fs::create_directories(folder / "many");
+    save_motion(folder / "many/1.npz", test::still_motion(body, 3));
+    test::check_throws<ShapeError>([&] { (void)load_any_motion(folder / "many", body); },
+                                   {"many/1.npz: global_orient has shape (3, 3), expected 3 numbers: one frame"});
+}
+
+TEST_CASE("a folder without a motion: the message says what it holds") {
+    const test::Temporary folder;
+    const BodyModel& body = test::skeleton_body();
+    const auto refuse = [&](const std::string& name, std::initializer_list<std::string_view> words) {
+        test::check_throws<IoError>([&] { (void)load_any_motion(folder / name, body); }, words);
+    };
+    for (const std::string frame : {"000", "001"}) {
+        fs::create_directories(folder / "results" / frame);
+        write_file(folder / "results" / frame / "000.pkl", "\x80\x02}.");
+    }
+    refuse("results", {"holds no motion", "it holds 2 files .pkl, such as 000/000.pkl, a pickle of Python (protocol 2)",
+                       "docs/captures.md"});
+    fs::create_directories(folder / "takes");
+    write_file(folder / "takes/a.bvh", test::bvh_text(test::sample_rig()));
+    refuse("takes", {"1 file .bvh, such as a.bvh, a BVH motion"});
+    fs::create_directories(folder / "nothing");
+    refuse("nothing", {"holds no motion", "it holds no files"});
 }
 
 TEST_CASE("a pose that is split, or a word on hands, counts for more than what AMASS also has") {

@@ -183,7 +183,8 @@ TEST_CASE("damaged files are refused with the line and what was found") {
         test::check_throws<Error>([&] { (void)load_bvh(folder / "bad.bvh"); }, {"bad.bvh"});
         test::check_throws<Error>([&] { (void)load_bvh(folder / "bad.bvh"); }, words);
     };
-    refuse("", {"ends too early", "HIERARCHY"});
+    refuse("", {"is empty, expected a BVH file"});
+    refuse("\n", {"ends too early", "HIERARCHY"});
     refuse("something else\n", {":1:", "HIERARCHY"});
     refuse(small_file({{"CHANNELS 6", "CHANNELS 5"}}), {":5:", "6 channels", "'5'"});
     refuse(small_file({{"Yrotation\n  JOINT", "Wrotation\n  JOINT"}}), {":5:", "Wrotation"});

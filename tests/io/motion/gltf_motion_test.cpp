@@ -186,6 +186,36 @@ TEST_CASE("interpolation: sparse keys give 30 frames a second; steps stay, splin
     }
 }
 
+TEST_CASE("translations of a limb's joint turn the limb: it points where the source's joint is") {
+    const test::Temporary folder;
+    const test::SampleOptions o;
+    const auto sample = test::sample_rig(o);
+    auto files = test::gltf_of(sample);
+    auto& animation = files.json["animations"][0];
+    const auto knee = static_cast<std::size_t>(sample.joint("left_knee")),
+               ankle = static_cast<std::size_t>(sample.joint("left_ankle"));
+    test::Rng rng(4);
+    std::vector<vec3<double>> places;
+    std::vector<double> numbers;
+    for (std::size_t t = 0; t < o.frames; ++t) {
+        places.push_back(sample.rest[ankle] - sample.rest[knee] + rng.vec(-0.1, 0.1));
+        numbers.insert(numbers.end(), {places[t].x, places[t].y, places[t].z});
+    }
+    animation["channels"].push_back(
+        {{"sampler", animation["samplers"].size()}, {"target", {{"node", ankle}, {"path", "translation"}}}});
+    animation["samplers"].push_back({{"input", animation["samplers"][0]["input"]},
+                                     {"output", files.add(numbers, "VEC3", 3)},
+                                     {"interpolation", "LINEAR"}});
+    write_file(folder / "a.glb", files.glb());
+    const Motion motion = retarget(load_gltf_motion(folder / "a.glb"), test::skeleton_body());
+    for (std::size_t t = 0; t < o.frames; ++t) {
+        const auto pose = test::pose_of(test::skeleton_body(), motion, t);
+        const auto at = [&](const char* joint) { return pose.joints[static_cast<std::size_t>(smplx_joint(joint))]; };
+        CHECK(test::degrees_between(test::pose_of(sample, t, "ZXY").rotations[knee] * places[t],
+                                    at("left_ankle") - at("left_knee")) < 0.001);
+    }
+}
+
 TEST_CASE("normalised integers, several animations, other units") {
     const test::Temporary folder;
     auto files = test::gltf_of(test::sample_rig());
@@ -243,7 +273,8 @@ TEST_CASE("damaged files are refused with the place and what was found") {
         test::check_throws<Error>([&] { (void)load_gltf_motion(folder / "bad.glb"); }, words);
     };
     using J = test::Json;
-    refuse("", {"not glTF"});
+    refuse("", {"is empty, expected glTF"});
+    refuse("\x80\x04}.", {"is a pickle of Python (protocol 4), expected glTF"});
     refuse(changed([](J& j) { j["nodes"][2]["children"].push_back(99); }), {"node 2: child is 99"});
     refuse(changed([](J& j) { j["nodes"][2]["children"].push_back(-1); }), {"node 2: child is -1"});
     refuse(changed([](J& j) { j["nodes"][3]["children"] = {0}; }), {"cycle"});

@@ -215,8 +215,23 @@ TEST_CASE("PCA coefficients become hand poses") {
     const auto& c = parts.arrays.at("left_hand_pose").data;
     const auto& axes = model.hands_components_left;
     CHECK(motion.pose_at(1)[25 + 4].y == doctest::Approx(c[2] * axes[13] + c[3] * axes[45 + 13]));
-    test::check_throws<ShapeError>([&] { (void)load_motion(folder / "a.npz", test::small_body(55)); },
-                                   {"a.npz", "left_hand_pose has 2", "45"});
+    parts.set("left_hand_pose", {T, 46});
+    parts.write(folder / "b.npz");
+    for (const BodyModel& body : {model, test::small_body(55)})
+        test::check_throws<ShapeError>([&] { (void)load_motion(folder / "b.npz", body); },
+                                       {"b.npz", "left_hand_pose has 46", "45"});
+    // A body without components: the rest of the motion is read, and the hand stays as the mean hand.
+    for (const bool zero : {false, true}) {
+        parts.set("left_hand_pose", {T, 2});
+        if (zero) parts.arrays["left_hand_pose"].data.assign(2 * T, 0.0);
+        parts.write(folder / "c.npz");
+        std::vector<std::string> warnings;
+        const Motion without = load_motion(folder / "c.npz", test::small_body(55), {}, &warnings);
+        CHECK(without.pose_at(1)[25] == vec3<double>(0));
+        CHECK(without.pose_at(1)[21] == motion.pose_at(1)[21]);
+        CHECK(warnings.size() == (zero ? 0u : 1u));
+        if (!zero) CHECK(warnings[0].find("left_hand_pose holds 2 principal components") != std::string::npos);
+    }
 }
 
 TEST_CASE("parts that are missing, left over or odd are warned of") {
@@ -302,9 +317,11 @@ TEST_CASE("bad motion files name the file and the key") {
     expect([](MotionArrays& p) { p.set("betas", {}); }, {"betas", "()"});
     expect([](MotionArrays& p) { p.set("timestamps", {T + 1}); }, {"timestamps", "(4,)", "(3,)"});
     expect([](MotionArrays& p) { p.arrays["timestamps"].data = {0, 2, 1}; }, {"timestamps", "frame 2"});
-    expect([](MotionArrays& p) {
-        for (auto& [key, array] : p.arrays)
-            if (key != "betas") array = {{}, {0, array.shape.size() > 1 ? array.shape[1] : 1}};
-    }, {"global_orient", "no frames"});
+    expect(
+        [](MotionArrays& p) {
+            for (auto& [key, array] : p.arrays)
+                if (key != "betas") array = {{}, {0, array.shape.size() > 1 ? array.shape[1] : 1}};
+        },
+        {"global_orient", "no frames"});
     test::check_throws<IoError>([&] { (void)load_motion(folder / "none.npz", model); }, {"none.npz", "No such file"});
 }

@@ -42,6 +42,10 @@ TEST_CASE("other files are refused") {
     test::check_throws<IoError>([&] { (void)load_any_splats(path); }, {path.string(), "No such file"});
     write_file(path, "hello, world");
     test::check_throws<IoError>([&] { (void)load_any_splats(path); }, {path.string(), "no known format", ".spz"});
+    write_file(path, "BLENDER-v279");
+    test::check_throws<IoError>(
+        [&] { (void)load_any_splats(path); },
+        {"no known format of Gaussians, but a file of Blender (.blend); expected .ply", "as GLB"});
     write_file(path, "");
     test::check_throws<IoError>([&] { (void)load_any_splats(path); }, {path.string(), "no known format"});
     test::check_throws<IoError>([&] { (void)load_any_splats(folder / ""); }, {"directory"});

@@ -10,6 +10,7 @@
 #include <gsh/io/capture/easymocap_capture.hpp>
 #include <gsh/io/capture/gala_basketball.hpp>
 #include <gsh/io/capture/people_snapshot.hpp>
+#include <gsh/io/file/foreign_file.hpp>
 
 #include <filesystem>
 #include <optional>
@@ -61,13 +62,16 @@ template <HostExecutor E>
 AnyCapture load_any_capture(E& executor, const std::filesystem::path& folder, const BodyModel* body,
                             const CaptureOptions& options, std::vector<std::string>* warnings) {
     if (std::error_code ignored; !std::filesystem::is_directory(folder, ignored))
-        throw IoError(folder.string() +
-                      ": is not a folder, expected one with cameras.json, poses.npz and images/, or a data set's");
+        throw IoError(folder.string() + ": " +
+                      not_the_kind(folder, "a folder with cameras.json, poses.npz and images/, or a data set's", "",
+                                   "is not a folder, expected one with cameras.json, poses.npz and images/, or a data "
+                                   "set's"));
     const auto layout = recognise_capture(folder);
     if (!layout)
         throw IoError((folder / "cameras.json").string() +
                       ": is missing, and the folder is of no other layout either (cameras.npz: "
-                      "PeopleSnapshot; camera/ and pose/: GalaBasketball; intri.yml: EasyMocap)");
+                      "PeopleSnapshot; camera/ and pose/: GalaBasketball; intri.yml: EasyMocap)" +
+                      folder_contents(folder));
     AnyCapture result;
     result.layout = *layout;
     if (*layout == CaptureLayout::gala) {

@@ -69,9 +69,13 @@ inline std::map<long, std::filesystem::path> images_by_number(const std::filesys
 inline std::vector<long> pose_numbers(const std::filesystem::path& poses, const std::filesystem::path& images,
                                       std::size_t count) {
     std::vector<long> numbers;
-    if (std::error_code ignored; std::filesystem::is_directory(poses, ignored))
+    if (std::error_code ignored; std::filesystem::is_directory(poses, ignored)) {
         if (const auto place = json_frames_folder(poses); !place.empty())
             for (const NumberedFile& file : list_numbered(place, ".json")) numbers.push_back(file.number);
+        else
+            for (const NpzFrame& frame : npz_frames(poses)) // of all people
+                if (numbers.empty() || numbers.back() != frame.number) numbers.push_back(frame.number);
+    }
     if (numbers.empty())
         for (const auto& [number, path] : images_by_number(images)) numbers.push_back(number);
     check_size(poses.string(), "poses", count, numbers.size(), "one per image of " + images.string());

@@ -42,6 +42,8 @@ public:
     }
     [[nodiscard]] bool empty() const { return times_.empty(); }
     [[nodiscard]] const std::vector<double>& times() const { return times_; }
+    [[nodiscard]] bool is_step() const { return step_; }
+    [[nodiscard]] bool is_cubic() const { return cubic_; }
 
     /// The value at a time; before the first and after the last key, theirs. Quaternions need not be of unit length.
     [[nodiscard]] std::array<double, 4> at(double time) const {
@@ -51,6 +53,28 @@ public:
         if (after == times_.end() || step_) return key(k);
         const double span = times_[k + 1] - times_[k], u = (time - times_[k]) / span;
         return cubic_ ? spline(k, u, span) : width_ == 4 ? turn(key(k), key(k + 1), u) : mix(key(k), key(k + 1), u);
+    }
+
+    /// Spherical interpolation of quaternions along the shorter way. They need not be of unit length.
+    [[nodiscard]] static std::array<double, 4> turn(std::array<double, 4> a, std::array<double, 4> b, double u) {
+        const auto normalise = [](std::array<double, 4>& q) {
+            const double size = std::sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
+            if (size > 0)
+                for (double& x : q) x /= size;
+        };
+        normalise(a), normalise(b);
+        double cosine = 0;
+        for (std::size_t n = 0; n < 4; ++n) cosine += a[n] * b[n];
+        if (cosine < 0) {
+            cosine = -cosine;
+            for (double& x : b) x = -x;
+        }
+        if (cosine > 0.9999) return mix(a, b, u);
+        const double angle = std::acos(std::min(cosine, 1.0)), sine = std::sin(angle);
+        std::array<double, 4> result{};
+        for (std::size_t n = 0; n < 4; ++n)
+            result[n] = (a[n] * std::sin((1 - u) * angle) + b[n] * std::sin(u * angle)) / sine;
+        return result;
     }
 
 private:
@@ -69,21 +93,6 @@ private:
     static std::array<double, 4> mix(const std::array<double, 4>& a, const std::array<double, 4>& b, double u) {
         std::array<double, 4> result{};
         for (std::size_t n = 0; n < 4; ++n) result[n] = a[n] + (b[n] - a[n]) * u;
-        return result;
-    }
-    /// Spherical interpolation along the shorter way.
-    static std::array<double, 4> turn(const std::array<double, 4>& a, std::array<double, 4> b, double u) {
-        double cosine = 0;
-        for (std::size_t n = 0; n < 4; ++n) cosine += a[n] * b[n];
-        if (cosine < 0) {
-            cosine = -cosine;
-            for (double& x : b) x = -x;
-        }
-        if (cosine > 0.9999) return mix(a, b, u);
-        const double angle = std::acos(std::min(cosine, 1.0)), sine = std::sin(angle);
-        std::array<double, 4> result{};
-        for (std::size_t n = 0; n < 4; ++n)
-            result[n] = (a[n] * std::sin((1 - u) * angle) + b[n] * std::sin(u * angle)) / sine;
         return result;
     }
     /// The cubic of glTF 2.0, appendix C: keys store in-tangent, value, out-tangent; tangents are per second.

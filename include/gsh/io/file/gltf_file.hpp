@@ -4,6 +4,7 @@
 
 #include <gsh/core/error.hpp>
 #include <gsh/io/file/atomic_file.hpp>
+#include <gsh/io/file/foreign_file.hpp>
 #include <gsh/io/file/gltf_extensions.hpp>
 #include <gsh/io/file/gltf_json.hpp>
 #include <gsh/io/file/json_file.hpp>
@@ -129,6 +130,8 @@ inline nlohmann::json GltfFile::reduced_json(std::string_view text, std::size_t 
     if (text.size() > json_limit)
         fail("holds " + std::to_string(text.size()) + " bytes of JSON, more than the limit of " +
              std::to_string(json_limit) + "; store the numbers as GLB");
+    if (const ForeignKind kind = foreign_kind(name_); kind && kind.family != "gltf")
+        fail(not_the_kind(name_, "glTF", "gltf", ""));
     nlohmann::json all = parse_json<nlohmann::json>(text, name_ + ": is not glTF", {.depth = 256}), json;
     if (!all.is_object() || !all.contains("asset")) fail("is not glTF: the object 'asset' is missing");
     const auto& asset = all["asset"];

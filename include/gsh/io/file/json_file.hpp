@@ -5,6 +5,7 @@
 #include <gsh/core/error.hpp>
 #include <gsh/core/message.hpp>
 #include <gsh/io/file/atomic_file.hpp>
+#include <gsh/io/file/foreign_file.hpp>
 
 #include <nlohmann/json.hpp>
 
@@ -41,7 +42,14 @@ template <class Value = Json>
 
 /// Reads a file of at most 64 MiB; a thousand cameras take 1 MiB.
 [[nodiscard]] inline Json read_json(const std::filesystem::path& path) {
-    return parse_json(read_file(path, std::size_t(1) << 26), path.string());
+    const std::string text = read_file(path, std::size_t(1) << 26);
+    try {
+        return parse_json(text, path.string());
+    } catch (const IoError&) {
+        const std::string foreign = not_the_kind(path, "JSON", "json", "");
+        if (!foreign.empty()) throw IoError(path.string() + ": " + foreign);
+        throw;
+    }
 }
 
 /// A JSON object and its place in the file, for messages.

@@ -5,6 +5,7 @@
 #include <gsh/core/error.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/io/file/claimed_size.hpp>
+#include <gsh/io/file/foreign_file.hpp>
 #include <gsh/io/file/npy.hpp>
 #include <gsh/io/file/utf.hpp>
 
@@ -28,7 +29,8 @@ namespace gsh {
 /// A member is inflated only when it is read, and memory is allocated only after its header agrees with its size. A
 /// pickled member is an error only if its numbers are read.
 ///
-/// Errors  those of read_npy; each message begins with the file and names the key.
+/// Errors  those of read_npy; each message begins with the file and names the key. Files of other kinds (pickles,
+///         files of PyTorch, …) are named as such.
 class NpzReader {
 public:
     /// Limits on allocation. Members of real body models stay below 200 MiB. Weights and regressors, sparse but stored
@@ -117,13 +119,19 @@ inline NpzReader::NpzReader(std::filesystem::path path, Limits limits) : path_(s
     archive_.reset(zip_open(path_.c_str(), ZIP_RDONLY, &code));
     if (!archive_) {
         const bool no_zip = code == ZIP_ER_NOZIP || code == ZIP_ER_INCONS;
-        throw IoError(name + ": cannot be opened: " +
-                      (no_zip ? "not an .npz (zip) archive, or a truncated one" : detail::zip_error_text(code)));
+        if (!no_zip) throw IoError(name + ": cannot be opened: " + detail::zip_error_text(code));
+        throw IoError(name + ": " +
+                      not_the_kind(path_, "an .npz archive", "npz",
+                                   "cannot be opened: not an .npz (zip) archive, or a truncated one"));
     }
     const auto size = std::filesystem::file_size(path_, ignored);
     size_ = ignored ? 0 : static_cast<std::size_t>(size);
     if (zip_get_num_entries(archive_.get(), 0) <= 0)
         throw IoError(name + ": is empty, expected an .npz archive of arrays");
+    if (keys().empty())
+        throw IoError(name + ": " +
+                      not_the_kind(path_, "an .npz archive", "npz",
+                                   "is a zip archive without arrays (.npy), expected an .npz archive"));
 }
 
 inline std::vector<std::string> NpzReader::keys() const {
@@ -145,7 +153,10 @@ inline NpzReader::Member NpzReader::open(std::string_view key) const {
     const std::string what = name_of(key);
     const zip_int64_t index = locate(key);
     if (index < 0) {
-        throw IoError(what + " is missing; the file holds: " + detail::listed(keys(), "no arrays"));
+        bool pickled = true;
+        for (const auto& name : keys()) pickled = pickled && !has_array(name);
+        throw IoError(what + " is missing; the file holds: " + detail::listed(keys(), "no arrays") +
+                      (pickled ? std::string(", pickled; ") + detail::python_page : ""));
     }
     zip_stat_t stat;
     constexpr zip_uint64_t wanted = ZIP_STAT_SIZE | ZIP_STAT_COMP_SIZE;

@@ -5,6 +5,8 @@
 #include <gsh/core/error.hpp>
 #include <gsh/core/message.hpp>
 #include <gsh/io/file/atomic_file.hpp>
+#include <gsh/io/file/foreign_file.hpp>
+#include <gsh/io/file/text_lines.hpp>
 #include <gsh/math/vec.hpp>
 
 #include <algorithm>
@@ -13,6 +15,7 @@
 #include <cstddef>
 #include <filesystem>
 #include <string>
+#include <string_view>
 #include <system_error>
 #include <utility>
 #include <vector>
@@ -38,9 +41,7 @@ public:
                 double value = 0;
                 const auto [next, error] = std::from_chars(p, end, value);
                 if (error != std::errc() || !std::isfinite(value))
-                    throw IoError(where(number) + ": '" +
-                                  detail::shortened({p, std::min(p + 20, std::find(p, end, '\n'))}) +
-                                  "' is not a finite number");
+                    refuse(number, std::string_view(p, static_cast<std::size_t>(end - p)));
                 line.values.push_back(value);
                 p = next;
             }
@@ -74,6 +75,12 @@ public:
     [[nodiscard]] const std::filesystem::path& path() const { return path_; }
 
 private:
+    [[noreturn]] void refuse(std::size_t number, std::string_view rest) const {
+        const std::string foreign = not_the_kind(path_, "lines of numbers", "text", "");
+        if (!foreign.empty()) throw IoError(path_.string() + ": " + foreign);
+        throw IoError(where(number) + ": '" + detail::shortened(rest.substr(0, rest.find('\n')).substr(0, 20)) +
+                      "' is not a finite number");
+    }
     struct Line {
         std::size_t number;
         std::vector<double> values;

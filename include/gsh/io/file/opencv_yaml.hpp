@@ -5,6 +5,7 @@
 #include <gsh/core/error.hpp>
 #include <gsh/core/message.hpp>
 #include <gsh/io/file/atomic_file.hpp>
+#include <gsh/io/file/foreign_file.hpp>
 #include <gsh/io/file/text_lines.hpp>
 
 #include <algorithm>
@@ -95,8 +96,10 @@ inline OpenCvYaml::OpenCvYaml(const std::filesystem::path& path) : path_(path) {
         if (line[0] != ' ' && line[0] != '-' && line[0] != '\t') { // a new entry starts in the first column
             const std::size_t colon = line.find(':');
             if (colon == std::string_view::npos)
-                throw IoError(path_.string() + ": '" + detail::shortened(line) +
-                              "' is not KEY: VALUE, expected YAML as OpenCV writes it");
+                throw IoError(path_.string() + ": " +
+                              not_the_kind(path_, "YAML as OpenCV writes it", "yaml",
+                                           "'" + detail::shortened(line) +
+                                               "' is not KEY: VALUE, expected YAML as OpenCV writes it"));
             key = std::string(detail::trimmed(line.substr(0, colon)));
             line.remove_prefix(colon + 1);
             if (has(key) && key != "none") // see texts

@@ -4,6 +4,7 @@
 
 #include <gsh/core/error.hpp>
 #include <gsh/core/message.hpp>
+#include <gsh/io/file/foreign_file.hpp>
 #include <gsh/io/file/json_file.hpp>
 #include <gsh/io/file/npy.hpp>
 
@@ -170,8 +171,10 @@ inline SafetensorsReader::SafetensorsReader(std::filesystem::path path, Limits l
         throw IoError(what + " is not a safetensors file: it has " + std::to_string(size) + " bytes");
     detail::read_exactly(source, &length, sizeof(length), what);
     if (length > size - sizeof(length))
-        throw IoError(what + " is truncated or not a safetensors file: its header claims " + std::to_string(length) +
-                      " bytes, the file has " + std::to_string(size));
+        throw IoError(what + " " +
+                      not_the_kind(path_, "a safetensors file", "safetensors",
+                                   "is truncated or not a safetensors file: its header claims " +
+                                       std::to_string(length) + " bytes, the file has " + std::to_string(size)));
     if (length > limits_.header_bytes)
         throw IoError(what + " has a header of " + std::to_string(length) + " bytes, more than the limit of " +
                       std::to_string(limits_.header_bytes) + "; the file is damaged or made to exhaust memory");

@@ -6,10 +6,10 @@
 #include <gsh/image/color.hpp>
 #include <gsh/image/image.hpp>
 #include <gsh/io/file/atomic_file.hpp>
+#include <gsh/io/file/foreign_file.hpp>
 #include <gsh/io/file/text_lines.hpp>
 #include <gsh/io/image/image_bounds.hpp>
 #include <gsh/io/image/image_file.hpp>
-#include <gsh/io/image/image_formats.hpp>
 #include <gsh/light/environment.hpp>
 
 #include <array>
@@ -138,7 +138,8 @@ inline Image<float> read_environment(const std::filesystem::path& path) {
                 for (int c = 0; c < 3; ++c) image.at(c, y, x) = linear[pixels.pixel(y, x)[c]];
     } else {
         throw IoError(name + ": " +
-                      detail::not_an_image(view, "an environment image: Radiance HDR (.hdr), PNG or JPEG"));
+                      not_the_kind(path, "an environment image: Radiance HDR (.hdr), PNG or JPEG", "",
+                                   "is not an environment image: Radiance HDR (.hdr), PNG or JPEG"));
     }
     check_environment(name, std::as_const(image).view());
     return image;

@@ -6,9 +6,9 @@
 #include <gsh/core/span.hpp>
 #include <gsh/image/image.hpp>
 #include <gsh/io/file/atomic_file.hpp>
+#include <gsh/io/file/foreign_file.hpp>
 #include <gsh/io/image/exif.hpp>
 #include <gsh/io/image/image_bounds.hpp>
-#include <gsh/io/image/image_formats.hpp>
 
 #include <stb/stb_image.h>
 #include <stb/stb_image_write.h>
@@ -97,7 +97,8 @@ inline StoredImage read_stored_image(const std::filesystem::path& path) {
     const std::string name = path.string();
     std::string bytes = read_file(path);
     const bool png = bytes.starts_with(detail::png_signature), jpeg = bytes.starts_with(detail::jpeg_signature);
-    if (!png && !jpeg) throw IoError(name + ": " + detail::not_an_image(bytes, "a PNG or JPEG image"));
+    if (!png && !jpeg)
+        throw IoError(name + ": " + not_the_kind(path, "a PNG or JPEG image", "", "is not a PNG or JPEG image"));
     const int orientation = detail::exif_orientation(bytes);
     if (png)
         bytes = detail::unpacked_png(bytes, name); // without Exif data

@@ -10,6 +10,7 @@
 #include <gsh/core/error.hpp>
 #include <gsh/io/capture/camera_file.hpp>
 #include <gsh/io/file/folder_list.hpp>
+#include <gsh/io/file/foreign_file.hpp>
 #include <gsh/io/file/npz.hpp>
 #include <gsh/io/file/text_lines.hpp>
 #include <gsh/io/motion/amass_file.hpp>
@@ -18,6 +19,7 @@
 #include <gsh/io/motion/gala_rig.hpp>
 #include <gsh/io/motion/gltf_motion.hpp>
 #include <gsh/io/motion/motion_file.hpp>
+#include <gsh/io/motion/npz_frames.hpp>
 #include <gsh/io/motion/people_snapshot_poses.hpp>
 #include <gsh/io/motion/sam3d_motion.hpp>
 #include <gsh/io/motion/smplifyx_file.hpp>
@@ -44,6 +46,7 @@ enum class MotionLayout {
     snapshot,   ///< .npz with thetas: io/motion/people_snapshot_poses.hpp
     smplx_json, ///< folder of NUMBER.json, objects: io/motion/smplx_json_file.hpp
     easymocap,  ///< folder of NUMBER.json, lists: io/motion/easymocap_file.hpp
+    npz_frames, ///< folder of NUMBER.npz or NUMBER_PERSON.npz, one frame each: io/motion/npz_frames.hpp
     gala,       ///< folder of a GalaBasketball scene: io/motion/gala_rig.hpp
     bvh,        ///< text that begins with HIERARCHY: io/motion/bvh_file.hpp
     gltf,       ///< glTF, GLB, VRM and VRMA: io/motion/gltf_motion.hpp
@@ -52,7 +55,8 @@ enum class MotionLayout {
 
 /// Detects the layout of a file or a folder; no value if it is not supported.
 ///
-/// Errors  IoError for a path that is neither a folder nor an archive.
+/// Errors  IoError for a path that is neither a folder nor an archive; kinds of files that are known but not read are
+///         named, with the way to convert them.
 [[nodiscard]] inline std::optional<MotionLayout> recognise_motion(const std::filesystem::path& path);
 
 /// Loads a motion in any layout from a file or a folder. For a folder with poses.npz (a capture), that file is read.
@@ -83,16 +87,18 @@ inline std::optional<MotionLayout> recognise_rig_file(const std::filesystem::pat
     if (const std::unique_ptr<std::FILE, decltype(close)> file(std::fopen(path.c_str(), "rbe"), close); file)
         count = std::fread(bytes, 1, sizeof bytes, file.get());
     std::string_view head(bytes, count);
-    if (head.starts_with("Kaydara FBX") || is_word(path.extension().string(), ".fbx"))
-        throw IoError(path.string() +
-                      ": is an FBX file, which is not read; convert it to GLB, for instance with Blender");
     if (head.starts_with("\xef\xbb\xbf")) head.remove_prefix(3);
     head = trimmed(head);
     const auto ends = [&](std::string_view ending) { return is_word(path.extension().string(), ending); };
     if (is_word(head.substr(0, 9), "HIERARCHY") || ends(".bvh")) return MotionLayout::bvh;
+    if (ends(".json"))
+        throw IoError(path.string() + ": is a single file of JSON; give the folder that holds one for each frame");
     if (head.starts_with("glTF") || head.starts_with("{") || ends(".glb") || ends(".gltf") || ends(".vrm") ||
         ends(".vrma"))
         return MotionLayout::gltf;
+    if (const std::string foreign = not_the_kind(path, "a motion: .npz, BVH, glTF or a folder", "npz", "");
+        !foreign.empty())
+        throw IoError(path.string() + ": " + foreign);
     return std::nullopt;
 }
 
@@ -123,7 +129,7 @@ inline std::optional<MotionLayout> recognise_motion(const std::filesystem::path&
             const detail::Json first = detail::read_json(detail::list_numbered(place, ".json").front().path);
             return first.is_array() || first.contains("annots") ? MotionLayout::easymocap : MotionLayout::smplx_json;
         }
-        return std::nullopt;
+        return npz_frames(path).empty() ? std::nullopt : std::optional(MotionLayout::npz_frames);
     }
     if (const auto layout = detail::recognise_rig_file(path)) return layout;
     const NpzReader file(path);
@@ -155,8 +161,10 @@ inline Motion load_any_motion(const std::filesystem::path& path, const BodyModel
                               const MotionFileOptions& options, std::vector<std::string>* warnings) {
     const auto layout = recognise_motion(path);
     if (!layout)
-        throw IoError(path.string() + ": holds no motion; expected poses.npz, files NUMBER.json (ExAvatar, LHM, "
-                                      "EasyMocap), or a GalaBasketball scene");
+        throw IoError(path.string() +
+                      ": holds no motion; expected poses.npz, files NUMBER.json (ExAvatar, LHM, "
+                      "EasyMocap) or NUMBER.npz, or a GalaBasketball scene" +
+                      folder_contents(path));
     const auto file = detail::motion_file_of(path);
     if (const auto rig = load_rig_motion(file, *layout, options, warnings)) {
         Motion motion = retarget(*rig, body, options.joint_map, {options.betas, path.string(), warnings});
@@ -176,6 +184,8 @@ inline Motion load_any_motion(const std::filesystem::path& path, const BodyModel
         return load_smplx_json_motion(detail::json_frames_folder(path), body, options, warnings);
     case MotionLayout::easymocap:
         return load_easymocap_motion(detail::json_frames_folder(path), body, options, warnings);
+    case MotionLayout::npz_frames:
+        return load_npz_frames(path, body, options, warnings);
     case MotionLayout::gala: {
         const GalaRig rig = load_gala_rig(std::filesystem::weakly_canonical(path).parent_path() / "model", warnings);
         check_size(path.string(), "joints of a pose", rig.body.joint_count(), body.joint_count(),

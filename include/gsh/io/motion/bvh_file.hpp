@@ -10,6 +10,7 @@
 #include <gsh/core/error.hpp>
 #include <gsh/io/file/atomic_file.hpp>
 #include <gsh/io/file/claimed_size.hpp>
+#include <gsh/io/file/foreign_file.hpp>
 #include <gsh/io/file/text_lines.hpp>
 #include <gsh/io/motion/frame_rate.hpp>
 #include <gsh/io/motion/unit_guess.hpp>
@@ -90,6 +91,12 @@ private:
     std::size_t channel_count_ = 0, frame_count_ = 0;
     double step_ = 0; // seconds from frame to frame; 0 where the file states no time
 
+    [[noreturn]] void refuse_beginning() const {
+        const std::string foreign = not_the_kind(lines_.name(), "a BVH file", "bvh", "");
+        if (!foreign.empty()) throw IoError(lines_.name() + ": " + foreign);
+        lines_.fail("is not the beginning of a BVH file, expected HIERARCHY");
+    }
+
     void add_joint(const std::string& name, int parent) {
         if (name.empty()) lines_.fail("is a joint without a name");
         rig_.names.push_back(unique_joint_name(name, seen_));
@@ -107,8 +114,7 @@ private:
 
     void read_hierarchy() {
         constexpr std::size_t deepest = 256, most = 4096;
-        if (!lines_.next() || !is_word(first_word(lines_.line()), "HIERARCHY"))
-            lines_.fail("is not the beginning of a BVH file, expected HIERARCHY");
+        if (!lines_.next() || !is_word(first_word(lines_.line()), "HIERARCHY")) refuse_beginning();
         std::vector<int> open; // joints whose braces are open
         int coming = -2;       // a joint whose opening brace was not read yet
         while (lines_.next()) {

@@ -35,8 +35,8 @@ namespace gsh {
 /// Reads FOLDER/NUMBER.json, each a list of people (or {"annots": list}) with id, Rh [3], Th [3], poses, shapes [10],
 /// and optionally expression, handl, handr. options.person is the id; it is not needed if there is only one person.
 ///
-/// poses holds 72 numbers (SMPL), 78 (SMPL+H: 66, then 6 principal components per hand), 87 (SMPL-X: 66, two hands of 6,
-/// then jaw and eyes), 156 or 165 (all joints), 66 (the body alone), or three fewer: without the root, which is Rh.
+/// poses holds 72 numbers (SMPL), 78 (SMPL+H: 66, then 6 principal components per hand), 87 (SMPL-X: 66, two hands of
+/// 6, then jaw and eyes), 156 or 165 (all joints), 66 (the body alone), or three fewer: without the root, which is Rh.
 /// Principal components are relative to the mean hand; hands given by all joints are not. handl and handr are the hands
 /// where poses has none. They count, as expression does, if the first frame has them; later frames must then have them,
 /// too, and otherwise theirs are left out with a warning.

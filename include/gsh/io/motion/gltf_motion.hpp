@@ -15,6 +15,7 @@
 #include <gsh/io/file/gltf_numbers.hpp>
 #include <gsh/io/file/text_lines.hpp>
 #include <gsh/io/motion/frame_rate.hpp>
+#include <gsh/io/motion/gltf_frame_times.hpp>
 #include <gsh/io/motion/gltf_joints.hpp>
 #include <gsh/io/motion/unit_guess.hpp>
 #include <gsh/io/motion/up_warning.hpp>
@@ -40,8 +41,9 @@ namespace gsh {
 ///           VRM's names. Names may be repeated: the second node called NAME is NAME#2.
 /// Rest      of VRM files the nodes' own transforms, as VRM demands; else the pose in which the largest skin was bound
 ///           (its inverse bind matrices), and the nodes' transforms without a skin.
-/// Frames    the key frames if they are evenly spaced, 5 a second or more; else 30 a second, interpolated. rates.input
-///           changes the rate of key frames that are even.
+/// Frames    the key frames if they are evenly spaced, 10 a second or more. Otherwise, and where curves between keys
+///           bend, more, so that the curves are kept (io/motion/gltf_frame_times.hpp). rates.input changes the rate of
+///           key frames that are even.
 /// Frame     y up, as in glTF. A body that stands on a ground along another axis (find_up) is turned. Scales of nodes
 ///           count, for instance an armature scaled by 0.01.
 /// Units     metres; other units are guessed from the legs, with a warning.
@@ -65,7 +67,13 @@ public:
         choose_animation(wanted, warnings);
         joints_.keep_joints([&](int node) { return channels_.contains(node); });
         if (!has_limbs(map)) joints_.keep_joints([](int) { return true; }); // an animation of the upper body alone
-        const std::vector<double> times = frame_times();
+        const GltfFrameTimes frames(file_, channels_);
+        const std::vector<double>& times = frames.times();
+        if (frames.error() > 1 && warnings)
+            warnings->push_back(file_.name() + ": between frames, at " +
+                                std::to_string(std::lround(1 / (times[1] - times[0]))) +
+                                " a second, joints are up to " + number_text(std::round(frames.error())) +
+                                " degrees off the animation's curves");
         check_rig_size(file_.name(), joints_.joint_count(), times.size());
         check_claimed_poses(file_.name(), joints_.joint_count(), times.size(), held_bytes());
         joints_.describe(rig_);
@@ -76,7 +84,7 @@ public:
         for (std::size_t t = 0; t < times.size(); ++t)
             pose(channels_, times[t], &rig_.joints[t * rig_.joint_count()], &rig_.rotations[t * rig_.joint_count()]);
         rig_.timestamps = times;
-        if (rates.input > 0) state_rate(rates, warnings);
+        if (rates.input > 0) state_rate(rates, frames.frames_a_key(), warnings);
         validate(rig_, file_.name());
         if (!joints_.has_humanoid()) rest_of_skin(map);
         return std::move(rig_);
@@ -90,7 +98,6 @@ private:
     GltfNumbers numbers_;
     Channels channels_;
     RigMotion rig_;
-    bool frames_are_keys_ = false;
 
     /// Bytes of all buffers.
     [[nodiscard]] std::size_t held_bytes() const {
@@ -142,41 +149,15 @@ private:
         return true;
     }
 
-    /// Gives the frames the rate that the caller states, if they are the file's own.
-    void state_rate(const FrameRates& rates, std::vector<std::string>* warnings) {
-        if (frames_are_keys_)
-            rig_.timestamps = gsh::frame_times(rig_.frame_count(), {rig_.timestamps, 0, file_.name() + ": key frames"},
-                                               rates, file_.name(), warnings);
+    /// Gives the frames the rate that the caller states for the key frames, if they are even.
+    void state_rate(FrameRates rates, std::size_t frames_a_key, std::vector<std::string>* warnings) {
+        rates.input *= static_cast<double>(frames_a_key);
+        if (frames_a_key > 0)
+            rig_.timestamps = frame_times(rig_.frame_count(), {rig_.timestamps, 0, file_.name() + ": key frames"},
+                                          rates, file_.name(), warnings);
         else if (warnings)
             warnings->push_back(file_.name() + ": --input-fps is not applied, because its key frames are not even and "
                                                "their times are seconds");
-    }
-
-    /// The times of the key frames if they are evenly spaced, else 30 times a second from the first to the last.
-    [[nodiscard]] std::vector<double> frame_times() {
-        std::vector<double> keys;
-        const std::vector<double>* last = nullptr;
-        for (const auto& [node, channels] : channels_)
-            for (const GltfChannel* channel : {&channels.rotation, &channels.translation, &channels.scale}) {
-                if (last && *last == channel->times()) continue; // as most channels are
-                last = &channel->times();
-                keys.insert(keys.end(), last->begin(), last->end());
-            }
-        std::sort(keys.begin(), keys.end());
-        constexpr double same = 1e-4; // seconds; files round differently
-        keys.erase(std::unique(keys.begin(), keys.end(), [](double a, double b) { return b - a < same; }), keys.end());
-        const double from = keys.front(), length = keys.back() - from;
-        const double step = keys.size() > 1 ? length / static_cast<double>(keys.size() - 1) : 0;
-        bool even = step <= 0.2;
-        for (std::size_t k = 0; k < keys.size(); ++k)
-            even = even && std::abs(keys[k] - from - static_cast<double>(k) * step) <= 0.05 * step + same;
-        frames_are_keys_ = even;
-        if (even) return keys;
-        constexpr double rate = 30;
-        if (length * rate > 16e6) file_.fail("lasts " + number_text(length) + " s, more than is read");
-        std::vector<double> times;
-        for (double t = 0; t <= length + 0.001; t = static_cast<double>(times.size()) / rate) times.push_back(from + t);
-        return times;
     }
 
     /// World frames of all joints at a time; without channels, of the nodes' own transforms.

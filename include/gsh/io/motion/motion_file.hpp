@@ -27,8 +27,8 @@ namespace gsh {
 /// Reads a motion for a body.
 ///
 /// Split files  global_orient [T, 3], body_pose [T, 3 n], transl [T, 3], betas [S]; optionally jaw_pose, leye_pose,
-///              reye_pose [T, 3], left_hand_pose, right_hand_pose [T, 45] or [T, C] PCA coefficients,
-///              expression [T, E].
+///              reye_pose [T, 3], left_hand_pose, right_hand_pose [T, 45] or [T, C] PCA coefficients (left out, with a
+///              warning, where the body has no components), expression [T, E].
 /// Whole files  poses [T, 3 J], trans [T, 3], betas. Files for 22, 24, 52 or 55 joints can be used for bodies of any of
 ///              these: the common joints are read.
 /// Time         timestamps [T], or a rate under one of frame_rate_keys: io/motion/frame_rate.hpp.
@@ -176,6 +176,12 @@ private:
         const auto hand = read_frames(key);
         const std::size_t width = hand.dim(1);
         if (width == 45) return place(hand, 0, joint, 15);
+        if (components.empty() && width < 45) { // zero components are the mean hand, also of a body without components
+            if (std::any_of(hand.data.begin(), hand.data.end(), [](double x) { return x != 0; }))
+                warn(std::string(key) + " holds " + std::to_string(width) +
+                     " principal components, but the body model has none; the hand stays as the mean hand");
+            return;
+        }
         if (45 * width > components.size())
             throw ShapeError(file_.name_of(key) + " has " + std::to_string(width) +
                              " numbers a frame, expected 45, or PCA coefficients for the " +

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <gsh/core/error.hpp>
+#include <gsh/io/file/foreign_file.hpp>
 #include <gsh/io/splat/compressed_ply.hpp>
 #include <gsh/io/splat/gltf_splats.hpp>
 #include <gsh/io/splat/ply.hpp>
@@ -14,6 +15,7 @@
 #include <cstdio>
 #include <filesystem>
 #include <memory>
+#include <string>
 #include <string_view>
 #include <system_error>
 
@@ -45,9 +47,10 @@ enum class SplatFormat { ply, compressed_ply, spz, splat, glb }; ///< glb: also 
     if (ending == ".ply") return SplatFormat::ply;
     if (ending == ".spz") return SplatFormat::spz;
     if (ending == ".glb") return SplatFormat::glb;
-    throw IoError(path.string() +
-                  ": is in no known format of Gaussians; expected .ply, .compressed.ply, .spz, .splat, .glb or "
-                  ".gltf");
+    const ForeignKind kind = foreign_kind(path);
+    throw IoError(path.string() + ": is in no known format of Gaussians" + (kind ? ", but " + kind.name : "") +
+                  "; expected .ply, .compressed.ply, .spz, .splat, .glb or .gltf" +
+                  (kind.way_out.empty() ? "" : "; " + kind.way_out));
 }
 
 /// True for formats that by custom have y down unless they state otherwise (UpAxis::minus_y).
