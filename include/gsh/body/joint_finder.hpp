@@ -203,6 +203,8 @@ private:
             if (known.joint == "thumb1") parts = {"thumbproximal"}; // VRM 0.x begins at the second joint's name
             if (known.joint == "thumb2") parts = {"thumbintermediate"};
         }
+        if (known.joint == "hip" && has(side, "knee"))
+            parts.emplace_back("leg"); // "Left leg" above "Left knee", of CATS
         if (auto finger = numbered_finger(known.joint, has(side, "finger0")); !finger.empty()) parts.push_back(finger);
         return parts;
     }

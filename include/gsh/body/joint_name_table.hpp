@@ -41,19 +41,23 @@ struct KnownJoint {
 /// Joints of one side, with all fingers.
 ///
 /// Source  as above. femur, tibia, humerus, radius: CMU's ASF; …bend: DAZ Genesis 3 and 8; shldr: Poser, DAZ; upperleg1
-///         and others with a 1: MakeHuman, whose limbs have two bones; uarm, farm: OptiTrack; scapula, …finger1:
-///         Advanced Skeleton; mid1: DAZ, Character Creator; findex1: Rigify (f_index.01); shoulder1: ARKit, MakeHuman.
+///         and others with a 1: MakeHuman, whose limbs have two bones; loarm, loleg: its older rig; …stretch: Auto-Rig
+///         Pro; uarm, farm: OptiTrack; scapula, …finger1: Advanced Skeleton; mid1: DAZ, Character Creator; findex1:
+///         Rigify (f_index.01); shoulder1: ARKit, MakeHuman.
 [[nodiscard]] inline const std::vector<KnownJoint>& known_side_joints() {
     static const std::vector<KnownJoint> joints = [] {
         std::vector<KnownJoint> list = {
-            {"hip", {"upleg", "upperleg", "thigh", "thighbend", "femur", "upperleg1", "hip"}},
-            {"knee", {"knee", "lowerleg", "lowleg", "loleg", "calf", "shin", "tibia", "lowerleg1", "leg"}},
+            {"hip", {"upleg", "upperleg", "thigh", "thighbend", "thighstretch", "femur", "upperleg1", "hip"}},
+            {"knee",
+             {"knee", "lowerleg", "lowleg", "loleg", "calf", "shin", "tibia", "legstretch", "lowerleg1", "leg"}},
             {"ankle", {"ankle", "foot"}},
-            {"foot", {"toebase", "toes", "toe", "ball", "toe0", "foot"}},
+            {"foot", {"toebase", "toes", "toe", "ball", "toe0", "toes1", "foot"}},
             {"shoulder",
-             {"upperarm", "uparm", "arm", "shldr", "shldrbend", "humerus", "upperarm1", "uarm", "shoulder"}},
+             {"upperarm", "uparm", "arm", "shldr", "shldrbend", "armstretch", "humerus", "upperarm1", "uarm",
+              "shoulder"}},
             {"elbow",
-             {"elbow", "forearm", "forearmbend", "lowerarm", "lowarm", "loarm", "radius", "lowerarm1", "farm"}},
+             {"elbow", "forearm", "forearmbend", "lowerarm", "lowarm", "loarm", "forearmstretch", "radius", "lowerarm1",
+              "farm"}},
             {"collar", {"collar", "clavicle", "collarbone", "scapula", "shoulder", "shoulder1"}},
             {"wrist", {"wrist", "hand"}},
             {"eye", {"eye", "eyeball", "eyesmplhf"}},

@@ -130,7 +130,8 @@ struct NameWords {
             if (words.front() == "mch") layer = JointWords::Layer::mechanical;
             words.erase(words.begin());
         }
-        if (words.size() > 1 && words.back() == "m") words.pop_back(); // Root_M of Advanced Skeleton: the middle
+        // The middle: Root_M of Advanced Skeleton, head.x of Auto-Rig Pro
+        if (words.size() > 1 && (words.back() == "m" || words.back() == "x")) words.pop_back();
     }
     [[nodiscard]] JointWords joined() const;
 };
