@@ -18,8 +18,8 @@ namespace gsh {
 /// Finds how far a body's feet move while those of the rig stand.
 class FootSlide {
 public:
-    /// `joints` are the body's rest positions, `leg` the height of its hips above the ankles, `scale` the factor from the
-    /// rig's positions to the body's. rig, body and joints must outlive this object.
+    /// `joints` are the body's rest positions, `leg` the height of its hips above the ankles, `scale` the factor from
+    /// the rig's positions to the body's. rig, body and joints must outlive this object.
     FootSlide(const RigMotion& rig, const BodyModel& body, const MatchedJoints& source, const MatchedJoints& target,
               const std::vector<vec3<double>>& joints, double leg, double scale);
     /// Frames in order: the body's world rotations [J], and the position of its root.

@@ -25,9 +25,9 @@ namespace gsh {
 /// down or seated. It completes "its rest pose …".
 ///
 /// Motion capture programs write BVH files whose zero angles are no pose: each joint has one axis along its bone, so
-/// with all angles zero spine, legs and arms lie on one line. Animations without a skin often rest in their first frame.
-/// Both are found by what a person at rest does not do: hips turned against shoulders, thighs along the spine, arms
-/// along it, sides that do not mirror each other. Limits are closer where the pose is also that of a frame.
+/// with all angles zero spine, legs and arms lie on one line. Animations without a skin often rest in their first
+/// frame. Both are found by what a person at rest does not do: hips turned against shoulders, thighs along the spine,
+/// arms along it, sides that do not mirror each other. Limits are closer where the pose is also that of a frame.
 ///
 /// Needs hips, knees, shoulders and elbows (check_limbs).
 [[nodiscard]] inline std::optional<std::string> rest_pose_fault(const RigMotion& rig, const MatchedJoints& matched);
@@ -42,7 +42,8 @@ inline std::optional<std::size_t> frame_of_rest(const RigMotion& rig, const Matc
     std::vector<std::pair<std::size_t, std::size_t>> bones; // joint, parent
     for (std::size_t k = 1; k < matched.size(); ++k)
         if (matched[k] >= 0 && rig.parents[static_cast<std::size_t>(matched[k])] >= 0)
-            bones.emplace_back(matched[k], rig.parents[static_cast<std::size_t>(matched[k])]);
+            bones.emplace_back(static_cast<std::size_t>(matched[k]),
+                               static_cast<std::size_t>(rig.parents[static_cast<std::size_t>(matched[k])]));
     const auto local = [&](const mat3<double>* rotations, const std::pair<std::size_t, std::size_t>& bone) {
         return transpose(rotations[bone.second]) * rotations[bone.first];
     };

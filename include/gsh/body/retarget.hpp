@@ -13,6 +13,7 @@
 #include <gsh/body/rest_from_frames.hpp>
 #include <gsh/body/rig_motion.hpp>
 #include <gsh/body/rig_pose.hpp>
+#include <gsh/body/short_spine.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/math/rotation.hpp>
 #include <gsh/math/vec.hpp>
@@ -52,10 +53,10 @@ struct RetargetOptions {
 /// (rest_from_frames), with a warning. The one or two joints of a short spine move those of the body's that are at the
 /// same share of the way from the hips to the shoulders.
 ///
-/// A joint without a source keeps the world turn of its parent, so the hips' position and the direction of every mapped
-/// limb stay those of the source. Positions of the hips are scaled by the ratio of the two hips' heights above the
-/// ankles with legs stretched, and raised or lowered so that the soles stand where the source's do (ankle_height); y = 0
-/// stays the ground. Expressions are zero.
+/// A joint without a source keeps the world turn of its parent, so the hips' position and the direction of every
+/// mapped limb stay those of the source. Positions of the hips are scaled by the ratio of the two hips' heights above
+/// the ankles with legs stretched, and raised or lowered so that the soles stand where the source's do
+/// (ankle_height); y = 0 stays the ground. Expressions are zero.
 ///
 /// Frame   that of the rig: y up.
 /// Errors  ValueError if the body's joints have unknown names, a limb is not found (check_limbs), or the rig is
@@ -137,39 +138,6 @@ inline RigMotion rest_of(const RigMotion& rig, const MatchedJoints& matched, con
     return rest;
 }
 
-/// Gives the one or two joints of a short spine to those joints of the body's that are at the same shares of the way
-/// from the hips to the shoulders.
-inline void match_short_spine(const RigMotion& rest, const RigMotion& own, RetargetPlan& plan) {
-    constexpr std::array<std::string_view, 3> names = {"spine1", "spine2", "spine3"};
-    const auto share = [](const RigMotion& rig, const MatchedJoints& matched, int joint) {
-        const JointPair hips(rig.rest_joints.data(), matched, "left_hip", "right_hip");
-        const vec3<double> way =
-            JointPair(rig.rest_joints.data(), matched, "left_shoulder", "right_shoulder").mean - hips.mean;
-        return dot(rig.rest_joints[static_cast<std::size_t>(joint)] - hips.mean, way) / dot(way, way);
-    };
-    std::vector<int> joints;
-    std::vector<std::size_t> places; // those of the body's joints that exist
-    for (const auto name : names) {
-        const auto k = static_cast<std::size_t>(smplx_joint(name));
-        if (plan.source[k] >= 0) joints.push_back(plan.source[k]);
-        if (plan.target[k] >= 0) places.push_back(k);
-    }
-    if (joints.empty() || joints.size() >= places.size()) return;
-    const auto distance = [&](std::size_t joint, std::size_t place) {
-        return std::abs(share(rest, plan.source, joints[joint]) - share(own, plan.target, plan.target[places[place]]));
-    };
-    std::array<std::size_t, 2> best{};
-    double least = std::numeric_limits<double>::infinity();
-    for (std::size_t a = 0; a < places.size(); ++a)
-        for (std::size_t b = joints.size() == 1 ? a : a + 1; b < (joints.size() == 1 ? a + 1 : places.size()); ++b) {
-            const double sum = distance(0, a) + (joints.size() == 1 ? 0 : distance(1, b));
-            if (sum < least) least = sum, best = {a, b};
-        }
-    if (!std::isfinite(least)) return; // hips and shoulders coincide
-    for (const auto name : names) plan.source[static_cast<std::size_t>(smplx_joint(name))] = -1;
-    for (std::size_t n = 0; n < joints.size(); ++n) plan.source[places[best[n]]] = joints[n];
-}
-
 /// C of a foot (see retarget): `own` and `other` are unit vectors from ankle to toes, y up.
 inline mat3<double> foot_turn(const vec3<double>& own, const vec3<double>& other) {
     const vec3<double> own_level(own.x, 0, own.z), other_level(other.x, 0, other.z);
@@ -200,7 +168,7 @@ inline RetargetPlan plan_retarget(const RigMotion& rig, const BodyModel& body, c
     plan.rest = rest_of(rig, plan.source, options, own_rest);
     const bool spine_named = std::any_of(map.named.begin(), map.named.end(),
                                          [](const auto& name) { return name.second.starts_with("spine"); });
-    if (!spine_named) match_short_spine(plan.rest, own, plan);
+    if (!spine_named) match_short_spine(plan.rest, plan.source, own, plan.target);
 
     const std::size_t J = body.joint_count();
     plan.parts.assign(J, -1), plan.sources.assign(J, -1);

@@ -37,7 +37,8 @@ namespace gsh {
 /// Rest      of VRM files the nodes' own transforms, as VRM demands; else the pose in which the largest skin was bound
 ///           (its inverse bind matrices), and the nodes' transforms without a skin.
 /// Frames    the key frames if they are evenly spaced, 5 a second or more; else 30 a second, interpolated.
-/// Frame     y up, as in glTF. A body that stands on a ground along another axis (find_up) is turned. Scales of nodes count, for instance an armature scaled by 0.01.
+/// Frame     y up, as in glTF; a body that stands on a ground along another axis (find_up) is turned. Scales of nodes
+///           count, for instance an armature scaled by 0.01.
 /// Units     metres; other units are guessed from the legs, with a warning.
 /// Errors    IoError, ValueError naming file and place: no animation, an index out of range, a tree with a cycle, times
 ///           that do not ascend, a buffer that is short, a mirrored or repeated joint, an animation without nodes.
