@@ -68,6 +68,13 @@ TEST_CASE("hips and shoulders that span no plane are a fault, rigs without them 
     RigMotion rig = test::rig_motion_of(test::walking_rig());
     for (auto& x : rig.rest_joints) x = {0, x.y, 0};
     CHECK(fault_of(rig).find("span no plane") != std::string::npos);
+    for (const char* joint : {"left_elbow", "right_knee", "left_hip"}) {
+        const auto sample = test::walking_rig();
+        const RigMotion heap = test::with_axes(test::rig_motion_of(sample), test::axes_along_bones(sample));
+        MatchedJoints matched = JointMap{}.match(heap, "a rig");
+        matched[static_cast<std::size_t>(smplx_joint(joint))] = -1;
+        CHECK(!rest_pose_fault(heap, matched));
+    }
     RigMotion few;
     few.names = {"Hips"}, few.parents = {-1}, few.rest_joints = {vec3<double>(0)};
     CHECK(fault_of(few) == "none");

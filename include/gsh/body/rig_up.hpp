@@ -103,7 +103,7 @@ inline RigUp find_up(const RigMotion& rig, const MatchedJoints& matched, bool re
     if (chosen == y && (!stands || (stands == y && !rest))) return {y, ""}; // nothing speaks against it
     std::string doubt = stands ? "in the frames the body lies or stands along " + stands->name()
                                : "in the frames the body stands along no axis";
-    doubt += rest ? ", in the rest pose it stands along " + rest->name() : ", and the rest pose is no help";
+    doubt += rest ? ", in the rest pose it stands along " + rest->name() : ", and the rest pose shows no axis";
     return {chosen, doubt};
 }
 
