@@ -21,8 +21,8 @@
 
 namespace gsh {
 
-/// Why a rig's rest pose does not show where the body faces and how limbs are twisted; no value for a T, an A, arms down
-/// or seated. It completes "its rest pose …".
+/// Why a rig's rest pose does not show where the body faces and how limbs are twisted; no value for a T, an A, arms
+/// down or seated. It completes "its rest pose …".
 ///
 /// Motion capture programs write BVH files whose zero angles are no pose: each joint has one axis along its bone, so
 /// with all angles zero spine, legs and arms lie on one line. Animations without a skin often rest in their first

@@ -44,8 +44,8 @@ inline vec3<double> trunk_direction(const vec3<double>* joints, const MatchedJoi
     return normalize(JointPair(joints, matched, "left_shoulder", "right_shoulder").mean - hips.mean);
 }
 
-/// Whether there is a ground at 0 along an axis: the lowest joints of most frames are a few centimetres above it, none is
-/// far below, and the hips are not in it. `lying`: all lowest joints are close to it.
+/// Whether there is a ground at 0 along an axis: the lowest joints of most frames are a few centimetres above it, none
+/// is far below, and the hips are not in it. `lying`: all lowest joints are close to it.
 inline bool has_ground(const RigMotion& rig, const MatchedJoints& matched, const SignedAxis& up, bool lying) {
     const double leg = std::max(leg_length(rig, matched, "left_"), leg_length(rig, matched, "right_"));
     const int pelvis = matched_joint(matched, "pelvis");
