@@ -41,4 +41,5 @@ TEST_CASE("axes keep the first direction and turn to the second") {
         CHECK(std::abs(dot(axes[2], b)) < 1e-12);
         CHECK(is_rotation(axes_of(a, a * -2.0), 1e-9)); // any axes
     }
+    CHECK(axes_of(vec3<double>(0), {0, 2, 0}) == mat3<double>(1.0));
 }

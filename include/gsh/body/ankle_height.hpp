@@ -33,6 +33,15 @@ namespace gsh {
 [[nodiscard]] inline double ankle_height(const std::vector<vec3<double>>& vertices,
                                          const std::vector<vec3<double>>& joints, const MatchedJoints& matched);
 
+/// What is to be added to a body's heights so that it stands on its soles where the rig stands: its ankles, at their
+/// median, are then `own_ankle` above the ground in the frames in which the rig's lower ankle is within 3 % of the leg of
+/// `rig_ankle`.
+///
+/// Shapes  body_lower [T]: heights of the body's lower ankle, which are about `scale` times those of the rig's.
+[[nodiscard]] inline double ground_raise(const RigMotion& rig, const MatchedJoints& matched, double leg,
+                                         double rig_ankle, const std::vector<double>& body_lower, double own_ankle,
+                                         double scale);
+
 /// Whether two skeletons have legs and feet of the same proportions: the second scaled by `scale` has the same lengths
 /// as the first, within 2 % of the leg.
 [[nodiscard]] inline bool has_same_legs(const RigMotion& a, const MatchedJoints& of_a, const RigMotion& b,
@@ -80,6 +89,20 @@ inline double ankle_height(const std::vector<vec3<double>>& vertices, const std:
         if (const int joint = detail::matched_joint(matched, name); joint >= 0)
             ankles += joints[static_cast<std::size_t>(joint)].y, count += 1;
     return count > 0 ? ankles / count - lowest : 0;
+}
+
+inline double ground_raise(const RigMotion& rig, const MatchedJoints& matched, double leg, double rig_ankle,
+                           const std::vector<double>& body_lower, double own_ankle, double scale) {
+    const int left = detail::matched_joint(matched, "left_ankle"),
+              right = detail::matched_joint(matched, "right_ankle");
+    std::vector<double> standing;
+    for (std::size_t t = 0; t < rig.frame_count(); ++t)
+        if (std::abs(std::min(rig.joint(t, left).y, rig.joint(t, right).y) - rig_ankle) < 0.03 * leg)
+            standing.push_back(body_lower[t]);
+    if (standing.empty()) return own_ankle - scale * rig_ankle;
+    const auto median = standing.begin() + static_cast<std::ptrdiff_t>(standing.size() / 2);
+    std::nth_element(standing.begin(), median, standing.end());
+    return own_ankle - *median;
 }
 
 inline bool has_same_legs(const RigMotion& a, const MatchedJoints& of_a, const RigMotion& b, const MatchedJoints& of_b,

@@ -89,7 +89,7 @@ private:
     std::vector<mat3<double>> world_from_joint_; // the rest rotations that are found
     std::vector<bool> known_;
     double straightest_ = 0, forward_toes_ = 0;
-    bool sides_are_exact_ = true, lean_is_exact_ = true; ///< of the joints of the trunk so far
+    bool lean_is_exact_ = true; ///< of pelvis and spine
 
     [[nodiscard]] int at(std::string_view joint) const { return matched_joint(matched_, joint); }
     [[nodiscard]] vec3<double> place(std::size_t t, int joint) const { return rig_.joint(t, joint); }
@@ -130,6 +130,12 @@ private:
             for (const char* joint : {"spine1", "spine2", "spine3"}) n += at(joint) >= 0;
             return std::max(n, 1.0);
         }();
+        struct Placed {
+            int joint;
+            std::string_view name;
+            vec3<double> left, up; // of the body, in the joint's axes
+        };
+        std::vector<Placed> placed;
         double passed = 0;
         for (const char* joint : {"pelvis", "spine1", "spine2", "spine3", "neck", "head"}) {
             const int j = at(joint);
@@ -143,51 +149,51 @@ private:
                 left.add(to_joint * (frame.pelvis[0] * (1 - share) + frame.chest[0] * share), frame.weight());
                 up.add(to_joint * (share == 0 ? frame.pelvis[1] : frame.chest[1]), frame.weight());
             }
-            const vec3<double> x = lateral_axis(j, name, left.value());
-            sides_are_exact_ = sides_are_exact_ && length(nearest_axis(x) - x) == 0;
-            const vec3<double> y = sagittal_axis(x, up.value());
-            if (name != "neck" && name != "head") lean_is_exact_ = lean_is_exact_ && length(nearest_axis(y) - y) == 0;
-            set(j, transpose(axes_of(x, y))); // of the body's axes in the joint's
+            placed.push_back({j, name, left.value(), up.value()});
+        }
+        // Axes are exact in most joints of a rig or in none; a single one may be near by chance.
+        std::size_t exact = 0, open = 0;
+        for (const Placed& joint : placed) {
+            const Symmetry shown = symmetry_of(joint.joint, nearest_axis(joint.left));
+            exact += shown == Symmetry::shown && is_near_axis(joint.left), open += shown != Symmetry::unknown;
+        }
+        for (const Placed& joint : placed) {
+            const bool snaps = 2 * exact > open && is_near_axis(joint.left) &&
+                               symmetry_of(joint.joint, nearest_axis(joint.left)) != Symmetry::contradicted;
+            const vec3<double> x = snaps ? nearest_axis(joint.left) : joint.left;
+            const vec3<double> axis = nearest_axis(joint.up);
+            const bool upright = snaps && dot(axis, x) == 0 && dot(axis, joint.up) > 0.8;
+            if (joint.name != "neck" && joint.name != "head") lean_is_exact_ = lean_is_exact_ && upright;
+            set(joint.joint, transpose(axes_of(x, upright ? axis : joint.up))); // of the body's axes in the joint's
         }
     }
 
-    /// The joints beside and above a joint of the trunk, which show its plane of symmetry.
-    [[nodiscard]] bool is_symmetric_about(int joint, std::string_view name, const vec3<double>& axis) const {
-        bool shown = false;
-        static constexpr std::array<std::string_view, 6> chain = {"pelvis", "spine1", "spine2",
-                                                                  "spine3", "neck",   "head"};
-        for (const std::string_view other : chain) {
-            const int o = at(other);
-            if (o < 0 || rig_.parents[static_cast<std::size_t>(o)] != joint) continue;
-            const vec3<double> b = bone(joint, o);
+    /// What the joints beside and above a joint of the trunk show of its plane of symmetry, if `axis` is across it.
+    enum class Symmetry { unknown, shown, contradicted };
+    [[nodiscard]] Symmetry symmetry_of(int joint, const vec3<double>& axis) const {
+        Symmetry result = Symmetry::unknown;
+        const auto is_child = [&](int other) {
+            return other >= 0 && rig_.parents[static_cast<std::size_t>(other)] == joint;
+        };
+        for (const char* other : {"spine1", "spine2", "spine3", "neck", "head"}) {
+            if (!is_child(at(other))) continue;
+            const vec3<double> b = bone(joint, at(other));
             if (length(b) < 0.5) continue;
-            if (std::abs(dot(b, axis)) > 0.03) return false;
-            shown = true;
+            if (std::abs(dot(b, axis)) > 0.03) return Symmetry::contradicted;
+            result = Symmetry::shown;
         }
-        for (const std::string_view pair : {"hip", "collar", "shoulder", "eye"}) {
-            const int l = at("left_" + std::string(pair)), r = at("right_" + std::string(pair));
-            if (l < 0 || r < 0 || rig_.parents[static_cast<std::size_t>(l)] != joint ||
-                rig_.parents[static_cast<std::size_t>(r)] != joint)
-                continue;
+        for (const std::string pair : {"hip", "collar", "shoulder", "eye"}) {
+            const int l = at("left_" + pair), r = at("right_" + pair);
+            if (!is_child(l) || !is_child(r)) continue;
             const vec3<double> a = offset(joint, l), b = offset(joint, r), across = a - b;
             if (length(across) < 0.02 * (length(a) + length(b))) continue;
-            if (dot(across, axis) < 0.99 * length(across)) return false;
-            shown = true;
+            if (dot(across, axis) < 0.99 * length(across)) return Symmetry::contradicted;
+            result = Symmetry::shown;
         }
-        // A head may carry nothing. Its axes are then made as those of the joints below.
-        return shown || (name == "head" && sides_are_exact_);
+        return result;
     }
-
-    [[nodiscard]] vec3<double> lateral_axis(int joint, std::string_view name, const vec3<double>& mean) const {
-        const vec3<double> axis = nearest_axis(mean);
-        return dot(axis, mean) > 0.906 && is_symmetric_about(joint, name, axis) ? axis : mean;
-    }
-    /// The upward axis, where `lateral` is a coordinate axis the nearest one in the plane of symmetry.
-    [[nodiscard]] static vec3<double> sagittal_axis(const vec3<double>& lateral, const vec3<double>& mean) {
-        const vec3<double> axis = nearest_axis(mean);
-        const bool exact = length(nearest_axis(lateral) - lateral) == 0;
-        return exact && dot(axis, lateral) == 0 && dot(axis, mean) > 0.8 ? axis : mean;
-    }
+    /// Within 25 degrees.
+    [[nodiscard]] static bool is_near_axis(const vec3<double>& v) { return dot(v, nearest_axis(v)) > 0.906; }
     [[nodiscard]] static vec3<double> nearest_axis(const vec3<double>& v) {
         int k = 0;
         for (int i = 1; i < 3; ++i)
@@ -265,9 +271,10 @@ private:
         int toes = at(side + "foot");
         if (toes < 0) toes = end_of(rig_, j);
         MeanDirection sole, left, ahead, trunk_ahead;
-        double lowest = rig_.joint(0, j).y, leg = 0;
+        double lowest = rig_.joint(0, j).y;
         for (std::size_t t = 0; t < rig_.frame_count(); ++t) lowest = std::min(lowest, rig_.joint(t, j).y);
-        leg = length(place(0, side + "knee") - place(0, side + "hip")) + length(place(0, j) - place(0, shin));
+        const double leg =
+            length(place(0, side + "knee") - place(0, side + "hip")) + length(place(0, j) - place(0, shin));
         std::size_t standing = 0;
         for (const std::size_t t : frames_) {
             const mat3<double> to_joint = transpose(rig_.rotation(t, j)), body = neutral(t, shin);

@@ -19,10 +19,9 @@
 #include <gsh/math/vec.hpp>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstddef>
-#include <limits>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -81,7 +80,8 @@ struct RetargetPlan {
     mat3<double> facing{1.0};            ///< F
     double leg = 1;                      ///< the body's height of the hips above the ankles
     double scale = 1;                    ///< of the rig's positions
-    double raise = 0;                    ///< added to the height of the hips
+    double own_ankle = 0;                ///< height of the body's ankles above its soles
+    std::optional<double> rig_ankle;     ///< that of the rig; none if it is not known, or if legs are alike
 };
 
 /// The joint at the far end of a limb's bone, -1 for joints that keep C = 1.
@@ -206,8 +206,9 @@ inline RetargetPlan plan_retarget(const RigMotion& rig, const BodyModel& body, c
     plan.leg = hip_height(own, plan.target);
     plan.scale = plan.leg / height;
     if (!has_same_legs(own, plan.target, plan.rest, plan.source, plan.scale))
-        if (const auto ankles = ankle_height(rig, plan.rest, plan.source, own_rest))
-            plan.raise = ankle_height(vertices, plan.joints, plan.target) - plan.scale * *ankles;
+        if (matched_joint(plan.target, "left_ankle") >= 0 && matched_joint(plan.target, "right_ankle") >= 0)
+            plan.rig_ankle = ankle_height(rig, plan.rest, plan.source, own_rest);
+    plan.own_ankle = ankle_height(vertices, plan.joints, plan.target);
     return plan;
 }
 
@@ -260,6 +261,7 @@ inline Motion retarget(const RigMotion& rig, const BodyModel& body, const JointM
     motion.timestamps = rig.timestamps;
     motion.pose.reserve(T * J);
     std::vector<mat3<double>> world(J);
+    std::vector<double> lower_ankles;
     FootSlide slide(rig, body, plan.source, plan.target, plan.joints, plan.leg, plan.scale);
     for (std::size_t t = 0; t < T; ++t) {
         for (std::size_t j = 0; j < J; ++j) {
@@ -271,7 +273,7 @@ inline Motion retarget(const RigMotion& rig, const BodyModel& body, const JointM
                            transpose(plan.rest.rest_rotations[static_cast<std::size_t>(source)]) * plan.alignment[j];
             motion.pose.push_back(axis_angle_from_rotation(transpose(above) * world[j]));
         }
-        const vec3<double> hips = rig.joint(t, pelvis) * plan.scale + vec3<double>(0, plan.raise, 0);
+        const vec3<double> hips = rig.joint(t, pelvis) * plan.scale;
         // Where the root of the body is above its pelvis, it is placed so that the pelvis is there.
         vec3<double> offset(0);
         for (std::size_t j = root; body.parents[j] >= 0; j = static_cast<std::size_t>(body.parents[j])) {
@@ -280,6 +282,12 @@ inline Motion retarget(const RigMotion& rig, const BodyModel& body, const JointM
         }
         motion.transl.push_back(hips - offset - plan.joints[0]);
         slide.add(t, world, hips - offset);
+        lower_ankles.push_back(slide.lower_ankle());
+    }
+    if (plan.rig_ankle) {
+        const double raise = ground_raise(rig, plan.source, plan.leg / plan.scale, *plan.rig_ankle, lower_ankles,
+                                          plan.own_ankle, plan.scale);
+        for (auto& place : motion.transl) place.y += raise;
     }
     if (options.warnings) {
         detail::warn_of_unmatched(rig, plan, options);

@@ -48,7 +48,7 @@ private:
 
 /// Axes from a first direction, kept exactly, and a second; both are columns of the result, then their cross product.
 inline mat3<double> axes_of(const vec3<double>& first, const vec3<double>& second) {
-    const vec3<double> a = normalize(first);
+    const vec3<double> a = length(first) > 1e-9 ? normalize(first) : vec3<double>(1, 0, 0);
     vec3<double> b = second - a * dot(second, a);
     if (length(b) < 1e-6) // any perpendicular direction
         b = std::abs(a.y) < 0.9 ? cross(a, vec3<double>(0, 1, 0)) : cross(a, vec3<double>(1, 0, 0));
