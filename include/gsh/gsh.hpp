@@ -17,6 +17,7 @@
 #include <gsh/math/dual_quat.hpp>
 #include <gsh/math/linalg.hpp>
 #include <gsh/math/low_rank.hpp>
+#include <gsh/math/mean_direction.hpp>
 #include <gsh/math/nonnegative.hpp>
 #include <gsh/math/polar.hpp>
 #include <gsh/math/principal_axes.hpp>
@@ -74,12 +75,14 @@
 #include <gsh/body/rig_motion.hpp>
 #include <gsh/body/rig_pose.hpp>
 #include <gsh/body/rig_up.hpp>
+#include <gsh/body/short_spine.hpp>
 #include <gsh/body/skeleton.hpp>
 #include <gsh/body/skinning.hpp>
 #include <gsh/body/surface_element.hpp>
 #include <gsh/body/surface_fill.hpp>
 #include <gsh/body/surface_interpolation.hpp>
 #include <gsh/body/surface_samples.hpp>
+#include <gsh/body/trunk_frames.hpp>
 #include <gsh/body/turned_limbs.hpp>
 #include <gsh/body/vertex_samples.hpp>
 

@@ -11,6 +11,7 @@
 #include <gsh/body/retarget.hpp>
 
 #include <algorithm>
+#include <cmath>
 #include <string>
 
 using namespace gsh;
@@ -94,11 +95,11 @@ TEST_CASE("ankles are as high as the rest pose, the toes and the frames show") {
 TEST_CASE("a body stands on the ground on which a figure with short legs and high ankles stands") {
     RigMotion rig = standing();
     shorten(rig);
-    CHECK(body_stands_at(rig) == doctest::Approx(own_height()));
+    CHECK(std::abs(body_stands_at(rig) - own_height()) < 0.01);
     lift(rig.rest_joints, -0.4); // by the frames alone
-    CHECK(body_stands_at(rig) == doctest::Approx(own_height()));
-    CHECK(body_stands_at(standing()) == doctest::Approx(own_height()));
-    CHECK(body_stands_at(standing(0.5)) == doctest::Approx(own_height()));
+    CHECK(std::abs(body_stands_at(rig) - own_height()) < 0.01);
+    CHECK(std::abs(body_stands_at(standing()) - own_height()) < 0.01);
+    CHECK(std::abs(body_stands_at(standing(0.5)) - own_height()) < 0.01);
 }
 
 TEST_CASE("the hips' way is the source's times one factor, whatever is added to their height") {

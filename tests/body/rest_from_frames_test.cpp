@@ -52,7 +52,7 @@ void check_like_a_rest_in_T(const test::SampleRig& sample, const RigMotion& rig,
     const auto [found, warnings] = retargeted(rig);
     CHECK(warnings.find("the rest pose") != std::string::npos);
     CHECK(warnings.find("backwards") == std::string::npos);
-    for (const char* joint : {"pelvis", "spine3", "neck", "head"}) {
+    for (const std::string joint : {"pelvis", "spine3", "neck", "head"}) {
         CAPTURE(joint);
         CHECK(turned(found, wanted, joint) < trunk);
     }

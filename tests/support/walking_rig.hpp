@@ -93,8 +93,8 @@ inline std::vector<mat3<double>> axes_along_bones(const SampleRig& sample, const
     return axes;
 }
 
-/// The same motion of a rig whose joints have the given axes while `rig` is at rest, and whose rest pose is that of zero
-/// angles, as in BVH: with axes along the bones, these lie on a heap.
+/// The same motion of a rig whose joints have the given axes while `rig` is at rest, and whose rest pose is that of
+/// zero angles, as in BVH: with axes along the bones, these lie on a heap.
 inline RigMotion with_axes(const RigMotion& rig, const std::vector<mat3<double>>& axes) {
     RigMotion other = rig;
     const std::size_t J = rig.joint_count();

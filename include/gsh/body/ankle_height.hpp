@@ -2,6 +2,7 @@
 /// @file  How high ankles are above the ground on which a rig or a body stands.
 #pragma once
 
+#include <gsh/body/bone_end.hpp>
 #include <gsh/body/joint_map.hpp>
 #include <gsh/body/rig_motion.hpp>
 #include <gsh/body/rig_pose.hpp>
@@ -20,9 +21,9 @@ namespace gsh {
 
 /// Height of a rig's ankles above the soles on which it stands; no value where nothing shows it.
 ///
-/// A rest pose shows it that stands on y = 0. Else the frames do: when the body stands, its lower ankle is at that height
-/// above y = 0. They are believed if the joints of the toes, which are a little above the sole, are nearly as far below
-/// the ankles: feet may be on a box throughout, or the ground elsewhere. Else the toes count alone.
+/// A rest pose shows it that stands on y = 0. Else the frames do: when the body stands, its lower ankle is at that
+/// height above y = 0. They are believed if the joints of the toes, which are a little above the sole, are nearly as
+/// far below the ankles: feet may be on a box throughout, or the ground elsewhere. Else the toes count alone.
 ///
 /// `rest` has the rig's rest pose; `rest_has_place`: whether its positions are those of the world.
 [[nodiscard]] inline std::optional<double> ankle_height(const RigMotion& rig, const RigMotion& rest,
@@ -32,8 +33,17 @@ namespace gsh {
 [[nodiscard]] inline double ankle_height(const std::vector<vec3<double>>& vertices,
                                          const std::vector<vec3<double>>& joints, const MatchedJoints& matched);
 
-/// Whether two skeletons have legs and feet of the same proportions: the second scaled by `scale` has the same lengths as
-/// the first, within 2 % of the leg.
+/// What is to be added to a body's heights so that it stands on its soles where the rig stands: its ankles, at their
+/// median, are then `own_ankle` above the ground in the frames in which the rig's lower ankle is within 3 % of the leg of
+/// `rig_ankle`.
+///
+/// Shapes  body_lower [T]: heights of the body's lower ankle, which are about `scale` times those of the rig's.
+[[nodiscard]] inline double ground_raise(const RigMotion& rig, const MatchedJoints& matched, double leg,
+                                         double rig_ankle, const std::vector<double>& body_lower, double own_ankle,
+                                         double scale);
+
+/// Whether two skeletons have legs and feet of the same proportions: the second scaled by `scale` has the same lengths
+/// as the first, within 2 % of the leg.
 [[nodiscard]] inline bool has_same_legs(const RigMotion& a, const MatchedJoints& of_a, const RigMotion& b,
                                         const MatchedJoints& of_b, double scale);
 
@@ -55,14 +65,18 @@ inline std::optional<double> ankle_height(const RigMotion& rig, const RigMotion&
     if (rest_has_place && up.y > 0.9 && lowest > -0.02 * leg && lowest < 0.15 * leg && ankle < leg) return ankle;
 
     std::optional<double> by_toes;
-    const int a = detail::matched_joint(matched, "left_foot"), b = detail::matched_joint(matched, "right_foot");
+    const auto toes = [&](const char* foot, int ankle_joint) {
+        const int joint = detail::matched_joint(matched, foot);
+        return joint >= 0 ? joint : end_of(rest, ankle_joint);
+    };
+    const int a = toes("left_foot", left), b = toes("right_foot", right);
     if (a >= 0 && b >= 0)
         if (const double drop = ankle - (height(a) + height(b)) / 2; drop > -0.05 * leg && drop < leg)
             by_toes = drop + 0.03 * leg;
     std::vector<double> lower;
     for (std::size_t t = 0; t < rig.frame_count(); ++t)
         lower.push_back(std::min(rig.joint(t, left).y, rig.joint(t, right).y));
-    const auto standing = lower.begin() + static_cast<std::ptrdiff_t>((lower.size() - 1) / 10);
+    const auto standing = lower.begin() + static_cast<std::ptrdiff_t>((lower.size() - 1) / 50);
     std::nth_element(lower.begin(), standing, lower.end());
     return std::abs(*standing - by_toes.value_or(0.1 * leg)) < 0.12 * leg ? *standing : by_toes;
 }
@@ -75,6 +89,20 @@ inline double ankle_height(const std::vector<vec3<double>>& vertices, const std:
         if (const int joint = detail::matched_joint(matched, name); joint >= 0)
             ankles += joints[static_cast<std::size_t>(joint)].y, count += 1;
     return count > 0 ? ankles / count - lowest : 0;
+}
+
+inline double ground_raise(const RigMotion& rig, const MatchedJoints& matched, double leg, double rig_ankle,
+                           const std::vector<double>& body_lower, double own_ankle, double scale) {
+    const int left = detail::matched_joint(matched, "left_ankle"),
+              right = detail::matched_joint(matched, "right_ankle");
+    std::vector<double> standing;
+    for (std::size_t t = 0; t < rig.frame_count(); ++t)
+        if (std::abs(std::min(rig.joint(t, left).y, rig.joint(t, right).y) - rig_ankle) < 0.03 * leg)
+            standing.push_back(body_lower[t]);
+    if (standing.empty()) return own_ankle - scale * rig_ankle;
+    const auto median = standing.begin() + static_cast<std::ptrdiff_t>(standing.size() / 2);
+    std::nth_element(standing.begin(), median, standing.end());
+    return own_ankle - *median;
 }
 
 inline bool has_same_legs(const RigMotion& a, const MatchedJoints& of_a, const RigMotion& b, const MatchedJoints& of_b,

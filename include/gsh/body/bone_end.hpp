@@ -19,8 +19,9 @@
 
 namespace gsh {
 
-/// The leaf that marks the end of a joint's bone: the End Site of a BVH file, or a joint named like one (HandEnd, ToeTip,
-/// HeadNub), if its bone is at least a quarter as long as the one before. -1 if there is none, or more than one.
+/// The leaf that marks the end of a joint's bone: the End Site of a BVH file, or a joint named like one (HandEnd,
+/// ToeTip, HeadNub), if its bone is at least a quarter as long as the one before. -1 if there is none, or more than
+/// one.
 [[nodiscard]] inline int end_of(const RigMotion& rig, int joint);
 
 /// The end of a hand without fingers, or -1. Some programs write End Sites of a fixed direction, so the end counts only

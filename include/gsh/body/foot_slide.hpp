@@ -18,14 +18,16 @@ namespace gsh {
 /// Finds how far a body's feet move while those of the rig stand.
 class FootSlide {
 public:
-    /// `joints` are the body's rest positions, `leg` the height of its hips above the ankles, `scale` the factor from the
-    /// rig's positions to the body's. rig, body and joints must outlive this object.
+    /// `joints` are the body's rest positions, `leg` the height of its hips above the ankles, `scale` the factor from
+    /// the rig's positions to the body's. rig, body and joints must outlive this object.
     FootSlide(const RigMotion& rig, const BodyModel& body, const MatchedJoints& source, const MatchedJoints& target,
               const std::vector<vec3<double>>& joints, double leg, double scale);
     /// Frames in order: the body's world rotations [J], and the position of its root.
     void add(std::size_t frame, const std::vector<mat3<double>>& world, const vec3<double>& root);
     /// The longest way in metres, along the ground.
     [[nodiscard]] double longest() const { return longest_; }
+    /// Height of the body's lower ankle in the frame that was added last; infinite without ankles.
+    [[nodiscard]] double lower_ankle() const { return lower_ankle_; }
 
 private:
     struct Foot {
@@ -39,7 +41,7 @@ private:
     const RigMotion& rig_;
     const BodyModel& body_;
     const std::vector<vec3<double>>& joints_;
-    double scale_, leg_, longest_ = 0;
+    double scale_, leg_, longest_ = 0, lower_ankle_ = 0;
     std::vector<Foot> feet_;
 };
 
@@ -61,6 +63,7 @@ inline FootSlide::FootSlide(const RigMotion& rig, const BodyModel& body, const M
 
 inline void FootSlide::add(std::size_t frame, const std::vector<mat3<double>>& world, const vec3<double>& root) {
     const double elapsed = frame > 0 ? rig_.timestamps[frame] - rig_.timestamps[frame - 1] : 0;
+    lower_ankle_ = std::numeric_limits<double>::infinity();
     for (Foot& foot : feet_) {
         const vec3<double> own = rig_.joint(frame, foot.source) * scale_;
         vec3<double> here = root;
@@ -69,6 +72,7 @@ inline void FootSlide::add(std::size_t frame, const std::vector<mat3<double>>& w
             const auto p = static_cast<std::size_t>(body_.parents[j]);
             here += world[p] * (joints_[j] - joints_[p]);
         }
+        lower_ankle_ = std::min(lower_ankle_, here.y);
         const bool slow = elapsed > 0 && length(own - foot.before) < 0.15 * leg_ * elapsed;
         const bool stands = slow && own.y < foot.ground + 0.06 * leg_;
         if (stands && !foot.stands) foot.start = here, foot.own_start = own;

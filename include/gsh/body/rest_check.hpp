@@ -21,15 +21,15 @@
 
 namespace gsh {
 
-/// Why a rig's rest pose cannot be asked where the body faces and how limbs are twisted; no value for a T, an A, arms
+/// Why a rig's rest pose does not show where the body faces and how limbs are twisted; no value for a T, an A, arms
 /// down or seated. It completes "its rest pose …".
 ///
 /// Motion capture programs write BVH files whose zero angles are no pose: each joint has one axis along its bone, so
-/// with all angles zero spine, legs and arms lie on one line. Animations without a skin often rest in their first frame.
-/// Both are found by what a person at rest does not do: hips turned against shoulders, thighs along the spine, arms
-/// along it, sides that do not mirror each other. Limits are closer where the pose is also that of a frame.
+/// with all angles zero spine, legs and arms lie on one line. Animations without a skin often rest in their first
+/// frame. Both are found by what a person at rest does not do: hips turned against shoulders, thighs along the spine,
+/// arms along it, sides that do not mirror each other. Limits are closer where the pose is also that of a frame.
 ///
-/// Needs hips, knees, shoulders and elbows (check_limbs).
+/// A rig without hips, knees, shoulders or elbows has no value, since there is nothing to measure.
 [[nodiscard]] inline std::optional<std::string> rest_pose_fault(const RigMotion& rig, const MatchedJoints& matched);
 
 // -------------------------------------------------------------------------------------------------------------
@@ -42,7 +42,8 @@ inline std::optional<std::size_t> frame_of_rest(const RigMotion& rig, const Matc
     std::vector<std::pair<std::size_t, std::size_t>> bones; // joint, parent
     for (std::size_t k = 1; k < matched.size(); ++k)
         if (matched[k] >= 0 && rig.parents[static_cast<std::size_t>(matched[k])] >= 0)
-            bones.emplace_back(matched[k], rig.parents[static_cast<std::size_t>(matched[k])]);
+            bones.emplace_back(static_cast<std::size_t>(matched[k]),
+                               static_cast<std::size_t>(rig.parents[static_cast<std::size_t>(matched[k])]));
     const auto local = [&](const mat3<double>* rotations, const std::pair<std::size_t, std::size_t>& bone) {
         return transpose(rotations[bone.second]) * rotations[bone.first];
     };
@@ -109,6 +110,8 @@ struct PoseAngles {
 
 inline std::optional<std::string> rest_pose_fault(const RigMotion& rig, const MatchedJoints& matched) {
     if (!detail::has_trunk(matched)) return std::nullopt;
+    for (const char* joint : {"left_knee", "right_knee", "left_elbow", "right_elbow"})
+        if (detail::matched_joint(matched, joint) < 0) return std::nullopt;
     const detail::PoseAngles rest(rig.rest_joints.data(), matched);
     const auto degrees = [](double angle) { return std::to_string(std::lround(angle)) + " degrees"; };
     if (!rest.plane) return "has hips and shoulders that span no plane";

@@ -7,7 +7,9 @@
 #include <gsh/body/joint_names.hpp>
 #include <gsh/body/rig_motion.hpp>
 #include <gsh/body/rig_pose.hpp>
+#include <gsh/body/trunk_frames.hpp>
 #include <gsh/core/error.hpp>
+#include <gsh/math/mean_direction.hpp>
 #include <gsh/math/rotation.hpp>
 #include <gsh/math/vec.hpp>
 
@@ -38,61 +40,14 @@ namespace gsh {
 /// Everything else (hands without fingers, fingers, toes, eyes) rests as it lies on average against its parent.
 ///
 /// Frame   the frames' y must be up.
-/// Errors  ValueError if hips and shoulders span a plane in no frame. Warned: feet that point backwards, and, where it is
-///         needed, that no frame shows the body upright, so it is uncertain how far hips and chest lean.
+/// Errors  ValueError if hips and shoulders span a plane in no frame. Warned: feet that point backwards, and, where
+///         it is needed, that no frame shows the body upright, so it is uncertain how far hips and chest lean.
 [[nodiscard]] inline RigMotion rest_from_frames(const RigMotion& rig, const MatchedJoints& matched,
                                                 const std::string& where, std::vector<std::string>* warnings = nullptr);
 
 // -------------------------------------------------------------------------------------------------------------
 
 namespace detail {
-
-/// A mean direction of samples, of which a minority may be anything.
-class MeanDirection {
-public:
-    void add(const vec3<double>& v, double weight = 1) {
-        if (const double size = length(v); size > 1e-12 && weight > 0) samples_.push_back({v * (1 / size), weight});
-    }
-    [[nodiscard]] bool empty() const { return samples_.empty(); }
-    [[nodiscard]] double weight() const {
-        double sum = 0;
-        for (const auto& sample : samples_) sum += sample.weight;
-        return sum;
-    }
-    /// Unit length; zero if there is none, or if samples cancel.
-    [[nodiscard]] vec3<double> value() const {
-        vec3<double> mean(0);
-        for (int pass = 0; pass < 6; ++pass) {
-            vec3<double> sum(0);
-            for (const auto& sample : samples_) {
-                // Far samples count less from the second pass on; 0.02 is the cosine's loss at 11 degrees.
-                const double far = pass == 0 ? 0 : 1 - dot(sample.direction, mean);
-                sum += sample.direction * (sample.weight / (1 + far / 0.02));
-            }
-            const double size = length(sum);
-            if (!(size > 1e-9 * weight())) return vec3<double>(0);
-            mean = sum * (1 / size);
-        }
-        return mean;
-    }
-
-private:
-    struct Sample {
-        vec3<double> direction;
-        double weight;
-    };
-    std::vector<Sample> samples_;
-};
-
-/// Axes from a first direction, kept exactly, and a second; both are columns of the result, then their cross product.
-inline mat3<double> axes_of(const vec3<double>& first, const vec3<double>& second) {
-    const vec3<double> a = normalize(first);
-    vec3<double> b = second - a * dot(second, a);
-    if (length(b) < 1e-6) // any perpendicular direction
-        b = std::abs(a.y) < 0.9 ? cross(a, vec3<double>(0, 1, 0)) : cross(a, vec3<double>(1, 0, 0));
-    b = normalize(b);
-    return {a, b, cross(a, b)};
-}
 
 class RestFromFrames {
 public:
@@ -105,7 +60,8 @@ public:
     }
 
     RigMotion find() {
-        find_trunk_frames();
+        trunk_ = trunk_frames(rig_, matched_, frames_, where_);
+        for (const TrunkFrame& frame : trunk_) straightest_ = std::max(straightest_, frame.straight);
         place_trunk();
         for (const std::string side : {"left_", "right_"}) {
             place_collar(side);
@@ -124,10 +80,6 @@ public:
     }
 
 private:
-    struct TrunkFrame {
-        mat3<double> pelvis, chest; // columns left, up, forward
-        double weight = 0;          ///< 1: upright with stretched legs
-    };
     const RigMotion& rig_;
     const MatchedJoints& matched_;
     const std::string& where_;
@@ -137,7 +89,7 @@ private:
     std::vector<mat3<double>> world_from_joint_; // the rest rotations that are found
     std::vector<bool> known_;
     double straightest_ = 0, forward_toes_ = 0;
-    bool lean_is_exact_ = true; ///< of pelvis and chest
+    bool lean_is_exact_ = true; ///< of pelvis and spine
 
     [[nodiscard]] int at(std::string_view joint) const { return matched_joint(matched_, joint); }
     [[nodiscard]] vec3<double> place(std::size_t t, int joint) const { return rig_.joint(t, joint); }
@@ -171,39 +123,6 @@ private:
         return size > 0 ? b * (1 / size) : b;
     }
 
-    void find_trunk_frames() {
-        double most = 0;
-        trunk_.resize(frames_.size());
-        for (std::size_t f = 0; f < frames_.size(); ++f) {
-            const vec3<double>* joints = &rig_.joints[frames_[f] * rig_.joint_count()];
-            const JointPair hips(joints, matched_, "left_hip", "right_hip");
-            const JointPair shoulders(joints, matched_, "left_shoulder", "right_shoulder");
-            const vec3<double> up = shoulders.mean - hips.mean;
-            const double size = length(up) * std::min(length(hips.left_from_right), length(shoulders.left_from_right));
-            const double plane = std::min(length(cross(normalize(hips.left_from_right), normalize(up))),
-                                          length(cross(normalize(shoulders.left_from_right), normalize(up))));
-            if (!(size > 0) || !(plane > 0.1)) continue; // also for NaN, where joints coincide
-            const vec3<double> y = normalize(up);
-            vec3<double> thighs(0);
-            for (const std::string side : {"left_", "right_"})
-                if (const vec3<double> thigh = joints[at(side + "knee")] - joints[at(side + "hip")]; length(thigh) > 0)
-                    thighs += normalize(thigh) * 0.5;
-            const double straight = std::clamp((-dot(thighs, y) - 0.5) * 2, 0.0, 1.0);
-            straightest_ = std::max(straightest_, straight);
-            TrunkFrame& frame = trunk_[f];
-            // Upright, the pelvis lies between trunk and thighs; seated, it follows the trunk.
-            const mat3<double> pelvis = axes_of(hips.left_from_right, y - thighs * straight);
-            frame.pelvis = pelvis;
-            const mat3<double> chest = axes_of(y, shoulders.left_from_right); // up, left, -forward
-            frame.chest = {chest[1], chest[0], chest[2] * -1.0};
-            frame.weight = straight * straight + 1e-3;
-            most = std::max(most, frame.weight);
-        }
-        check_value(most > 0, where_,
-                    "hips and shoulders do not span a plane, neither in the rest pose nor in the frames, so it is not "
-                    "known where the body faces");
-    }
-
     /// Pelvis, spine, neck and head.
     void place_trunk() {
         const double chest_share = [&] { // of the way from the pelvis to the joint that carries the arms
@@ -211,6 +130,12 @@ private:
             for (const char* joint : {"spine1", "spine2", "spine3"}) n += at(joint) >= 0;
             return std::max(n, 1.0);
         }();
+        struct Placed {
+            int joint;
+            std::string_view name;
+            vec3<double> left, up; // of the body, in the joint's axes
+        };
+        std::vector<Placed> placed;
         double passed = 0;
         for (const char* joint : {"pelvis", "spine1", "spine2", "spine3", "neck", "head"}) {
             const int j = at(joint);
@@ -221,52 +146,54 @@ private:
             for (std::size_t f = 0; f < frames_.size(); ++f) {
                 const TrunkFrame& frame = trunk_[f];
                 const mat3<double> to_joint = transpose(rig_.rotation(frames_[f], j));
-                left.add(to_joint * (frame.pelvis[0] * (1 - share) + frame.chest[0] * share), frame.weight);
-                up.add(to_joint * (share == 0 ? frame.pelvis[1] : frame.chest[1]), frame.weight);
+                left.add(to_joint * (frame.pelvis[0] * (1 - share) + frame.chest[0] * share), frame.weight());
+                up.add(to_joint * (share == 0 ? frame.pelvis[1] : frame.chest[1]), frame.weight());
             }
-            const vec3<double> x = lateral_axis(j, name, left.value());
-            const vec3<double> y = sagittal_axis(x, up.value());
-            if (share < 1) lean_is_exact_ = lean_is_exact_ && length(nearest_axis(y) - y) == 0;
-            set(j, transpose(axes_of(x, y))); // of the body's axes in the joint's
+            placed.push_back({j, name, left.value(), up.value()});
+        }
+        // Axes are exact in most joints of a rig or in none; a single one may be near by chance.
+        std::size_t exact = 0, open = 0;
+        for (const Placed& joint : placed) {
+            const Symmetry shown = symmetry_of(joint.joint, nearest_axis(joint.left));
+            exact += shown == Symmetry::shown && is_near_axis(joint.left), open += shown != Symmetry::unknown;
+        }
+        for (const Placed& joint : placed) {
+            const bool snaps = 2 * exact > open && is_near_axis(joint.left) &&
+                               symmetry_of(joint.joint, nearest_axis(joint.left)) != Symmetry::contradicted;
+            const vec3<double> x = snaps ? nearest_axis(joint.left) : joint.left;
+            const vec3<double> axis = nearest_axis(joint.up);
+            const bool upright = snaps && dot(axis, x) == 0 && dot(axis, joint.up) > 0.8;
+            if (joint.name != "neck" && joint.name != "head") lean_is_exact_ = lean_is_exact_ && upright;
+            set(joint.joint, transpose(axes_of(x, upright ? axis : joint.up))); // of the body's axes in the joint's
         }
     }
 
-    /// The joints beside and above a joint of the trunk, which show its plane of symmetry.
-    [[nodiscard]] bool is_symmetric_about(int joint, std::string_view name, const vec3<double>& axis) const {
-        bool shown = false;
-        static constexpr std::array<std::string_view, 6> chain = {"pelvis", "spine1", "spine2",
-                                                                  "spine3", "neck",   "head"};
-        for (const std::string_view other : chain) {
-            const int o = at(other);
-            if (o < 0 || rig_.parents[static_cast<std::size_t>(o)] != joint) continue;
-            const vec3<double> b = bone(joint, o);
+    /// What the joints beside and above a joint of the trunk show of its plane of symmetry, if `axis` is across it.
+    enum class Symmetry { unknown, shown, contradicted };
+    [[nodiscard]] Symmetry symmetry_of(int joint, const vec3<double>& axis) const {
+        Symmetry result = Symmetry::unknown;
+        const auto is_child = [&](int other) {
+            return other >= 0 && rig_.parents[static_cast<std::size_t>(other)] == joint;
+        };
+        for (const char* other : {"spine1", "spine2", "spine3", "neck", "head"}) {
+            if (!is_child(at(other))) continue;
+            const vec3<double> b = bone(joint, at(other));
             if (length(b) < 0.5) continue;
-            if (std::abs(dot(b, axis)) > 0.03) return false;
-            shown = true;
+            if (std::abs(dot(b, axis)) > 0.03) return Symmetry::contradicted;
+            result = Symmetry::shown;
         }
-        for (const std::string_view pair : {"hip", "collar", "shoulder", "eye"}) {
-            const int l = at("left_" + std::string(pair)), r = at("right_" + std::string(pair));
-            if (l < 0 || r < 0 || rig_.parents[static_cast<std::size_t>(l)] != joint ||
-                rig_.parents[static_cast<std::size_t>(r)] != joint)
-                continue;
+        for (const std::string pair : {"hip", "collar", "shoulder", "eye"}) {
+            const int l = at("left_" + pair), r = at("right_" + pair);
+            if (!is_child(l) || !is_child(r)) continue;
             const vec3<double> a = offset(joint, l), b = offset(joint, r), across = a - b;
             if (length(across) < 0.02 * (length(a) + length(b))) continue;
-            if (dot(across, axis) < 0.99 * length(across)) return false;
-            shown = true;
+            if (dot(across, axis) < 0.99 * length(across)) return Symmetry::contradicted;
+            result = Symmetry::shown;
         }
-        return shown || name == "head"; // which may carry nothing; its axes are then made as those of the others
+        return result;
     }
-
-    [[nodiscard]] vec3<double> lateral_axis(int joint, std::string_view name, const vec3<double>& mean) const {
-        const vec3<double> axis = nearest_axis(mean);
-        return dot(axis, mean) > 0.906 && is_symmetric_about(joint, name, axis) ? axis : mean;
-    }
-    /// The upward axis, where `lateral` is a coordinate axis the nearest one in the plane of symmetry.
-    [[nodiscard]] static vec3<double> sagittal_axis(const vec3<double>& lateral, const vec3<double>& mean) {
-        const vec3<double> axis = nearest_axis(mean);
-        const bool exact = length(nearest_axis(lateral) - lateral) == 0;
-        return exact && dot(axis, lateral) == 0 && dot(axis, mean) > 0.8 ? axis : mean;
-    }
+    /// Within 25 degrees.
+    [[nodiscard]] static bool is_near_axis(const vec3<double>& v) { return dot(v, nearest_axis(v)) > 0.906; }
     [[nodiscard]] static vec3<double> nearest_axis(const vec3<double>& v) {
         int k = 0;
         for (int i = 1; i < 3; ++i)
@@ -343,14 +270,16 @@ private:
         if (j < 0) return;
         int toes = at(side + "foot");
         if (toes < 0) toes = end_of(rig_, j);
-        MeanDirection sole, left, ahead;
-        double lowest = rig_.joint(0, j).y, leg = 0;
+        MeanDirection sole, left, ahead, trunk_ahead;
+        double lowest = rig_.joint(0, j).y;
         for (std::size_t t = 0; t < rig_.frame_count(); ++t) lowest = std::min(lowest, rig_.joint(t, j).y);
-        leg = length(place(0, side + "knee") - place(0, side + "hip")) + length(place(0, j) - place(0, shin));
+        const double leg =
+            length(place(0, side + "knee") - place(0, side + "hip")) + length(place(0, j) - place(0, shin));
         std::size_t standing = 0;
         for (const std::size_t t : frames_) {
             const mat3<double> to_joint = transpose(rig_.rotation(t, j)), body = neutral(t, shin);
             left.add(to_joint * body[0]), ahead.add(to_joint * body[2]);
+            trunk_ahead.add(to_joint * neutral(t, at("pelvis"))[2]);
             const std::size_t next = t + 1 < rig_.frame_count() ? t + 1 : t, before = t > 0 ? t - 1 : t;
             const double elapsed = rig_.timestamps[next] - rig_.timestamps[before];
             const double way = length(rig_.joint(next, j) - rig_.joint(before, j));
@@ -370,7 +299,7 @@ private:
             up = cross(ahead.value(), left.value());
         }
         const vec3<double> forward = has_toe ? toe : ahead.value();
-        if (has_toe) forward_toes_ += dot(toe, ahead.value());
+        if (has_toe) forward_toes_ += dot(toe, trunk_ahead.value());
         if (!(length(up) > 0.5) || !(length(forward) > 0.5)) return place_as_on_average(j);
         const mat3<double> axes = axes_of(up, forward); // up, forward, and to the left
         set(j, transpose(mat3<double>(axes[2], axes[0], axes[1])));

@@ -14,15 +14,15 @@
 #include <gsh/body/rest_from_frames.hpp>
 #include <gsh/body/rig_motion.hpp>
 #include <gsh/body/rig_pose.hpp>
+#include <gsh/body/short_spine.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/math/rotation.hpp>
 #include <gsh/math/vec.hpp>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstddef>
-#include <limits>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -53,10 +53,10 @@ struct RetargetOptions {
 /// (rest_from_frames), with a warning. The one or two joints of a short spine move those of the body's that are at the
 /// same share of the way from the hips to the shoulders.
 ///
-/// A joint without a source keeps the world turn of its parent, so the hips' position and the direction of every mapped
-/// limb stay those of the source. Positions of the hips are scaled by the ratio of the two hips' heights above the
-/// ankles with legs stretched, and raised or lowered so that the soles stand where the source's do (ankle_height); y = 0
-/// stays the ground. Expressions are zero.
+/// A joint without a source keeps the world turn of its parent, so the hips' position and the direction of every
+/// mapped limb stay those of the source. Positions of the hips are scaled by the ratio of the two hips' heights above
+/// the ankles with legs stretched, and raised or lowered so that the soles stand where the source's do
+/// (ankle_height); y = 0 stays the ground. Expressions are zero.
 ///
 /// Frame   that of the rig: y up.
 /// Errors  ValueError if the body's joints have unknown names, a limb is not found (check_limbs), or the rig is
@@ -82,7 +82,8 @@ struct RetargetPlan {
     mat3<double> facing{1.0};            ///< F
     double leg = 1;                      ///< the body's height of the hips above the ankles
     double scale = 1;                    ///< of the rig's positions
-    double raise = 0;                    ///< added to the height of the hips
+    double own_ankle = 0;                ///< height of the body's ankles above its soles
+    std::optional<double> rig_ankle;     ///< that of the rig; none if it is not known, or if legs are alike
 };
 
 /// The joint at the far end of a limb's bone, -1 for joints that keep C = 1.
@@ -139,39 +140,6 @@ inline RigMotion rest_of(const RigMotion& rig, const MatchedJoints& matched, con
     return rest;
 }
 
-/// Gives the one or two joints of a short spine to those joints of the body's that are at the same shares of the way
-/// from the hips to the shoulders.
-inline void match_short_spine(const RigMotion& rest, const RigMotion& own, RetargetPlan& plan) {
-    constexpr std::array<std::string_view, 3> names = {"spine1", "spine2", "spine3"};
-    const auto share = [](const RigMotion& rig, const MatchedJoints& matched, int joint) {
-        const JointPair hips(rig.rest_joints.data(), matched, "left_hip", "right_hip");
-        const vec3<double> way =
-            JointPair(rig.rest_joints.data(), matched, "left_shoulder", "right_shoulder").mean - hips.mean;
-        return dot(rig.rest_joints[static_cast<std::size_t>(joint)] - hips.mean, way) / dot(way, way);
-    };
-    std::vector<int> joints;
-    std::vector<std::size_t> places; // those of the body's joints that exist
-    for (const auto name : names) {
-        const auto k = static_cast<std::size_t>(smplx_joint(name));
-        if (plan.source[k] >= 0) joints.push_back(plan.source[k]);
-        if (plan.target[k] >= 0) places.push_back(k);
-    }
-    if (joints.empty() || joints.size() >= places.size()) return;
-    const auto distance = [&](std::size_t joint, std::size_t place) {
-        return std::abs(share(rest, plan.source, joints[joint]) - share(own, plan.target, plan.target[places[place]]));
-    };
-    std::array<std::size_t, 2> best{};
-    double least = std::numeric_limits<double>::infinity();
-    for (std::size_t a = 0; a < places.size(); ++a)
-        for (std::size_t b = joints.size() == 1 ? a : a + 1; b < (joints.size() == 1 ? a + 1 : places.size()); ++b) {
-            const double sum = distance(0, a) + (joints.size() == 1 ? 0 : distance(1, b));
-            if (sum < least) least = sum, best = {a, b};
-        }
-    if (!std::isfinite(least)) return; // hips and shoulders coincide
-    for (const auto name : names) plan.source[static_cast<std::size_t>(smplx_joint(name))] = -1;
-    for (std::size_t n = 0; n < joints.size(); ++n) plan.source[places[best[n]]] = joints[n];
-}
-
 /// C of a foot (see retarget): `own` and `other` are unit vectors from ankle to toes, y up.
 inline mat3<double> foot_turn(const vec3<double>& own, const vec3<double>& other) {
     const vec3<double> own_level(own.x, 0, own.z), other_level(other.x, 0, other.z);
@@ -207,7 +175,7 @@ inline RetargetPlan plan_retarget(const RigMotion& rig, const BodyModel& body, c
     plan.rest = rest_of(rig, plan.source, options, own_rest);
     const bool spine_named = std::any_of(map.named.begin(), map.named.end(),
                                          [](const auto& name) { return name.second.starts_with("spine"); });
-    if (!spine_named) match_short_spine(plan.rest, own, plan);
+    if (!spine_named) match_short_spine(plan.rest, plan.source, own, plan.target);
 
     const std::size_t J = body.joint_count();
     plan.parts.assign(J, -1), plan.sources.assign(J, -1);
@@ -245,8 +213,9 @@ inline RetargetPlan plan_retarget(const RigMotion& rig, const BodyModel& body, c
     plan.leg = hip_height(own, plan.target);
     plan.scale = plan.leg / height;
     if (!has_same_legs(own, plan.target, plan.rest, plan.source, plan.scale))
-        if (const auto ankles = ankle_height(rig, plan.rest, plan.source, own_rest))
-            plan.raise = ankle_height(vertices, plan.joints, plan.target) - plan.scale * *ankles;
+        if (matched_joint(plan.target, "left_ankle") >= 0 && matched_joint(plan.target, "right_ankle") >= 0)
+            plan.rig_ankle = ankle_height(rig, plan.rest, plan.source, own_rest);
+    plan.own_ankle = ankle_height(vertices, plan.joints, plan.target);
     return plan;
 }
 
@@ -299,6 +268,7 @@ inline Motion retarget(const RigMotion& rig, const BodyModel& body, const JointM
     motion.timestamps = rig.timestamps;
     motion.pose.reserve(T * J);
     std::vector<mat3<double>> world(J);
+    std::vector<double> lower_ankles;
     FootSlide slide(rig, body, plan.source, plan.target, plan.joints, plan.leg, plan.scale);
     for (std::size_t t = 0; t < T; ++t) {
         for (std::size_t j = 0; j < J; ++j) {
@@ -310,7 +280,7 @@ inline Motion retarget(const RigMotion& rig, const BodyModel& body, const JointM
                            transpose(plan.rest.rest_rotations[static_cast<std::size_t>(source)]) * plan.alignment[j];
             motion.pose.push_back(axis_angle_from_rotation(transpose(above) * world[j]));
         }
-        const vec3<double> hips = rig.joint(t, pelvis) * plan.scale + vec3<double>(0, plan.raise, 0);
+        const vec3<double> hips = rig.joint(t, pelvis) * plan.scale;
         // Where the root of the body is above its pelvis, it is placed so that the pelvis is there.
         vec3<double> offset(0);
         for (std::size_t j = root; body.parents[j] >= 0; j = static_cast<std::size_t>(body.parents[j])) {
@@ -319,6 +289,12 @@ inline Motion retarget(const RigMotion& rig, const BodyModel& body, const JointM
         }
         motion.transl.push_back(hips - offset - plan.joints[0]);
         slide.add(t, world, hips - offset);
+        lower_ankles.push_back(slide.lower_ankle());
+    }
+    if (plan.rig_ankle) {
+        const double raise = ground_raise(rig, plan.source, plan.leg / plan.scale, *plan.rig_ankle, lower_ankles,
+                                          plan.own_ankle, plan.scale);
+        for (auto& place : motion.transl) place.y += raise;
     }
     if (options.warnings) {
         detail::warn_of_unmatched(rig, plan, options);

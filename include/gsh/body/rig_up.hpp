@@ -26,10 +26,10 @@ struct RigUp {
 
 /// Finds the axis of a rig's world that points up.
 ///
-/// The rest pose stands along an axis, and so does the body on average in the frames. Where both agree, that axis is up,
-/// whichever it is. Where they do not, or where the frames have no axis (dives, cartwheels), the ground decides: along
-/// the axis that is up the lowest joint stays close to 0, and the hips stay above 0. If that shows nothing either, the
-/// frames count less than the rest pose, and +y more than both; the result then has a doubt.
+/// The rest pose stands along an axis, and so does the body on average in the frames. Where both agree, that axis is
+/// up, whichever it is. Where they do not, or where the frames have no axis (dives, cartwheels), the ground decides:
+/// along the axis that is up the lowest joint stays close to 0, and the hips stay above 0. If that shows nothing
+/// either, the frames count less than the rest pose, and +y more than both; the result then has a doubt.
 ///
 /// `rest_is_in_world`: whether the rest pose has the axes of the frames' world; that of a glTF skin does not.
 [[nodiscard]] inline RigUp find_up(const RigMotion& rig, const MatchedJoints& matched, bool rest_is_in_world = true);
@@ -44,9 +44,9 @@ inline vec3<double> trunk_direction(const vec3<double>* joints, const MatchedJoi
     return normalize(JointPair(joints, matched, "left_shoulder", "right_shoulder").mean - hips.mean);
 }
 
-/// Whether there is a ground at 0 along an axis: the lowest joints of most frames are a few centimetres above it, none is
-/// far below, and the hips are not in it.
-inline bool has_ground(const RigMotion& rig, const MatchedJoints& matched, const SignedAxis& up) {
+/// Whether there is a ground at 0 along an axis: the lowest joints of most frames are a few centimetres above it, none
+/// is far below, and the hips are not in it. `lying`: all lowest joints are close to it.
+inline bool has_ground(const RigMotion& rig, const MatchedJoints& matched, const SignedAxis& up, bool lying) {
     const double leg = std::max(leg_length(rig, matched, "left_"), leg_length(rig, matched, "right_"));
     const int pelvis = matched_joint(matched, "pelvis");
     if (!(leg > 0) || pelvis < 0) return false;
@@ -65,6 +65,7 @@ inline bool has_ground(const RigMotion& rig, const MatchedJoints& matched, const
         std::nth_element(values.begin(), at, values.end());
         return *at;
     };
+    if (lying && !(quantile(lowest, 0.95) < 0.15)) return false;
     return quantile(lowest, 0.05) > -0.06 && quantile(lowest, 0.5) < 0.2 && quantile(lowest, 0.8) < 0.4 &&
            quantile(hips, 0.1) > 0.05;
 }
@@ -96,13 +97,13 @@ inline RigUp find_up(const RigMotion& rig, const MatchedJoints& matched, bool re
     add(y), add(stands), add(SignedAxis{2, 1});
     std::vector<SignedAxis> grounds;
     for (const auto& axis : candidates)
-        if (detail::has_ground(rig, matched, axis)) grounds.push_back(axis);
+        if (detail::has_ground(rig, matched, axis, stands && axis != *stands)) grounds.push_back(axis);
     if (grounds.size() == 1) return {grounds[0], ""};
     const SignedAxis chosen = grounds.empty() ? candidates[0] : grounds[0];
     if (chosen == y && (!stands || (stands == y && !rest))) return {y, ""}; // nothing speaks against it
     std::string doubt = stands ? "in the frames the body lies or stands along " + stands->name()
                                : "in the frames the body stands along no axis";
-    doubt += rest ? ", in the rest pose it stands along " + rest->name() : ", and the rest pose is no help";
+    doubt += rest ? ", in the rest pose it stands along " + rest->name() : ", and the rest pose shows no axis";
     return {chosen, doubt};
 }
 

@@ -12,7 +12,7 @@
 #include <vector>
 
 using namespace gsh;
-using Values = std::vector<double>;
+using Doubles = std::vector<double>;
 
 namespace {
 
@@ -28,7 +28,7 @@ struct Yaml {
 } // namespace
 
 TEST_CASE_FIXTURE(Yaml, "arrays of one dimension: OpenCV 4 gives them rows and cols, OpenCV 5 sizes") {
-    const Values five{0.10000000000000001, -0.05, 0, 0, 0.33333333333333331};
+    const Doubles five{0.10000000000000001, -0.05, 0, 0, 0.33333333333333331};
     const OpenCvYaml four = read(R"(%YAML:1.0
 ---
 v_1: !!opencv-matrix
@@ -59,7 +59,7 @@ t_1: hello world
 )");
     CHECK(fifth.matrix("v_1", 5) == five);
     CHECK(fifth.matrix("K_1", 9)[2] == 512);
-    CHECK(fifth.matrix("i_1", 2) == Values{3, -4});
+    CHECK(fifth.matrix("i_1", 2) == Doubles{3, -4});
 }
 
 TEST_CASE_FIXTURE(Yaml, "several dimensions and channels, fields in any order, plain lists") {
@@ -83,12 +83,12 @@ block:
    - 1.5
    - -2.
 )");
-    const Values six{1, 2, 3, 4, 5, 6};
+    const Doubles six{1, 2, 3, 4, 5, 6};
     CHECK(file.matrix("nd", 6) == six);
     CHECK(file.matrix("channels", 0) == six);
-    CHECK(file.matrix("flow", 3) == Values{1, 2, 3});
-    CHECK(file.matrix("nested", 4) == Values{1, 2, 3, 4});
-    CHECK(file.matrix("block", 2) == Values{1.5, -2});
+    CHECK(file.matrix("flow", 3) == Doubles{1, 2, 3});
+    CHECK(file.matrix("nested", 4) == Doubles{1, 2, 3, 4});
+    CHECK(file.matrix("block", 2) == Doubles{1.5, -2});
     CHECK(!file.has("# made by hand"));
 }
 

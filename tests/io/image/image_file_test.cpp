@@ -190,15 +190,15 @@ TEST_CASE("palettes, 16 bits, and interlaced rows") {
         write_file(folder / "a.png", bytes);
         return read_image(folder / "a.png").data;
     };
-    using Bytes = std::vector<std::uint8_t>;
+    using PixelBytes = std::vector<std::uint8_t>;
     const std::string palette = chunk("PLTE", "\x01\x02\x03\x04\x05\x06") + chunk("tRNS", "\x07");
-    CHECK(read(png_of(2, 1, 8, 3, std::string("\0\1\0", 3), false, palette)) == Bytes{4, 5, 6, 255, 1, 2, 3, 7});
+    CHECK(read(png_of(2, 1, 8, 3, std::string("\0\1\0", 3), false, palette)) == PixelBytes{4, 5, 6, 255, 1, 2, 3, 7});
     CHECK(read(png_of(3, 1, 1, 0, std::string("\0\xA0", 2))) ==
-          Bytes{255, 255, 255, 255, 0, 0, 0, 255, 255, 255, 255, 255});
-    CHECK(read(png_of(1, 1, 16, 2, std::string("\0\x10\xFF\x20\xFF\x30\xFF", 7))) == Bytes{16, 32, 48, 255});
+          PixelBytes{255, 255, 255, 255, 0, 0, 0, 255, 255, 255, 255, 255});
+    CHECK(read(png_of(1, 1, 16, 2, std::string("\0\x10\xFF\x20\xFF\x30\xFF", 7))) == PixelBytes{16, 32, 48, 255});
     // 2 x 2 pixels: the first pass has the first one, the sixth that at its right, the seventh the second row.
-    const Bytes grey = read(png_of(2, 2, 8, 0, std::string("\0\x0A\0\x14\0\x1E\x28", 7), true));
-    CHECK(Bytes{grey[0], grey[4], grey[8], grey[12]} == Bytes{10, 20, 30, 40});
+    const PixelBytes grey = read(png_of(2, 2, 8, 0, std::string("\0\x0A\0\x14\0\x1E\x28", 7), true));
+    CHECK(PixelBytes{grey[0], grey[4], grey[8], grey[12]} == PixelBytes{10, 20, 30, 40});
 }
 
 TEST_CASE("no byte beyond a short file is read") {

@@ -15,7 +15,7 @@ using namespace gsh;
 namespace {
 
 /// Bytes of a grey PNG of 16 bits, or of one with a palette: the parts that stb_image_write does not write.
-std::string png_of(std::uint8_t depth, std::uint8_t kind, int height, int width, const std::string& rows,
+std::string grey_png(std::uint8_t depth, std::uint8_t kind, int height, int width, const std::string& rows,
                    const std::string& palette = {}) {
     std::string png = "\x89PNG\r\n\x1a\n";
     const auto number = [](std::uint32_t value) { return test::stored_number(value, 4, false); };
@@ -54,12 +54,12 @@ struct Masks {
         return mask_meaning("here", mask.levels, plain);
     }
 };
-using Values = std::vector<int>;
+using MaskValues = std::vector<int>;
 
 } // namespace
 
 TEST_CASE_FIXTURE(Masks, "white, soft and empty masks are as they are") {
-    CHECK(values(grey({0, 255, 7, 128})) == Values{0, 255, 7, 128});
+    CHECK(values(grey({0, 255, 7, 128})) == MaskValues{0, 255, 7, 128});
     CHECK(grey({0, 255, 7}).levels.plain());
     CHECK(grey({0, 250, 3, 120}).levels.plain()); // a JPEG file of a mask
     CHECK(meaning(grey({0, 244, 3})) == MaskMeaning::soft);
@@ -71,11 +71,11 @@ TEST_CASE_FIXTURE(Masks, "white, soft and empty masks are as they are") {
     PixelImage alpha(4, 1, 3); // a white picture whose alpha is the mask
     alpha.data = {255, 255, 255, 0, 255, 255, 255, 200, 255, 255, 255, 255};
     write_png(path, alpha);
-    CHECK(values(read_mask(path)) == Values{0, 200, 255});
-    write_file(path, png_of(1, 0, 1, 8, std::string{0, '\x90'})); // one bit a pixel
-    CHECK(values(read_mask(path)) == Values{255, 0, 0, 255, 0, 0, 0, 0});
-    write_file(path, png_of(16, 0, 1, 3, std::string("\0\xFF\xFF\x80\x00\x00\x00", 7)));
-    CHECK(values(read_mask(path)) == Values{255, 128, 0});
+    CHECK(values(read_mask(path)) == MaskValues{0, 200, 255});
+    write_file(path, grey_png(1, 0, 1, 8, std::string{0, '\x90'})); // one bit a pixel
+    CHECK(values(read_mask(path)) == MaskValues{255, 0, 0, 255, 0, 0, 0, 0});
+    write_file(path, grey_png(16, 0, 1, 3, std::string("\0\xFF\xFF\x80\x00\x00\x00", 7)));
+    CHECK(values(read_mask(path)) == MaskValues{255, 128, 0});
 }
 
 TEST_CASE_FIXTURE(Masks, "one small number is the person") {
@@ -85,19 +85,19 @@ TEST_CASE_FIXTURE(Masks, "one small number is the person") {
         CHECK(!mask.levels.empty());
         CHECK(meaning(mask) == MaskMeaning::binary);
     }
-    write_file(path, png_of(16, 0, 1, 3, std::string("\0\0\1\0\0\0\1", 7))); // 16 bits: 1, 0, 1
-    CHECK(values(read_mask(path)) == Values{1, 0, 1});
+    write_file(path, grey_png(16, 0, 1, 3, std::string("\0\0\1\0\0\0\1", 7))); // 16 bits: 1, 0, 1
+    CHECK(values(read_mask(path)) == MaskValues{1, 0, 1});
     CHECK(meaning(read_mask(path)) == MaskMeaning::binary);
 
     // A palette of black and one colour, and such colours in full: decoders turn numbers into colours.
     const std::string palette("\0\0\0\x80\0\0\0\x80\0", 9);
-    write_file(path, png_of(8, 3, 1, 3, std::string("\0\1\0\1", 4), palette));
-    CHECK(values(read_mask(path)) == Values{255, 0, 255});
+    write_file(path, grey_png(8, 3, 1, 3, std::string("\0\1\0\1", 4), palette));
+    CHECK(values(read_mask(path)) == MaskValues{255, 0, 255});
     CHECK(meaning(read_mask(path)) == MaskMeaning::binary);
-    write_file(path, png_of(8, 3, 1, 3, std::string("\0\2\0\2", 4), palette)); // green: its red is 0
-    CHECK(values(read_mask(path)) == Values{255, 0, 255});
+    write_file(path, grey_png(8, 3, 1, 3, std::string("\0\2\0\2", 4), palette)); // green: its red is 0
+    CHECK(values(read_mask(path)) == MaskValues{255, 0, 255});
     CHECK(meaning(read_mask(path)) == MaskMeaning::binary);
-    write_file(path, png_of(8, 3, 1, 2, std::string("\0\0\0", 3), palette));
+    write_file(path, grey_png(8, 3, 1, 2, std::string("\0\0\0", 3), palette));
     CHECK(read_mask(path).levels.empty());
 }
 
@@ -108,10 +108,10 @@ TEST_CASE_FIXTURE(Masks, "what is unclear is refused, with what was found and wh
     refused(grey({0, 1, 2}), false, {"here", "labels 0, 1, 2,", "255 for the labels of people"});
     refused(grey({1, 2}), false, {"labels 1, 2"});
     refused(grey({0, 1, 2, 3, 4, 5, 6, 7, 8}), false, {"0, 1, 2, 3, 4, 5 and 3 more"});
-    Values soft(180);
+    MaskValues soft(180);
     for (int i = 0; i < 180; ++i) soft[static_cast<std::size_t>(i)] = i;
     refused(grey(soft), false, {"values 0, 1,", "scale the masks"});
-    write_file(path, png_of(8, 3, 1, 3, std::string("\0\1\2\0", 4), std::string("\0\0\0\x80\0\0\0\x80\0", 9)));
+    write_file(path, grey_png(8, 3, 1, 3, std::string("\0\1\2\0", 4), std::string("\0\0\0\x80\0\0\0\x80\0", 9)));
     refused(read_mask(path), false, {"labels 0, (0, 128, 0), (128, 0, 0)"});
     refused(read_mask(path), true, {"labels"}); // also beside white masks
     // One label in each of two masks of a camera, but not the same one.
@@ -128,15 +128,15 @@ TEST_CASE_FIXTURE(Masks, "what is unclear is refused, with what was found and wh
 TEST_CASE_FIXTURE(Masks, "arrays: 0 and 1, real numbers, bytes and labels") {
     const auto file = folder / "a.npy";
     test::write_array(file, std::vector<std::uint8_t>{0, 1, 1, 0}, {2, 2});
-    CHECK(values(read_mask(file)) == Values{0, 255, 255, 0});
+    CHECK(values(read_mask(file)) == MaskValues{0, 255, 255, 0});
     CHECK(read_mask(file).levels.unit);
     CHECK(read_mask(file).values.width == 2);
     const StoredMask unit = read_mask(file);
     test::write_array(file, std::vector<float>{0, 0.5f, 1, 0.2f, 0, 0}, {2, 3, 1});
-    CHECK(values(read_mask(file)) == Values{0, 128, 255, 51, 0, 0});
+    CHECK(values(read_mask(file)) == MaskValues{0, 128, 255, 51, 0, 0});
     CHECK(!read_mask(file).levels.unit);
     test::write_array(file, std::vector<std::uint8_t>{0, 255, 30, 0}, {1, 4});
-    CHECK(values(read_mask(file)) == Values{0, 255, 30, 0});
+    CHECK(values(read_mask(file)) == MaskValues{0, 255, 30, 0});
     test::write_array(file, std::vector<std::int32_t>{0, 2, 0, 2}, {2, 2});
     CHECK(meaning(read_mask(file)) == MaskMeaning::binary);
     StoredMask both = read_mask(file); // labels 1 and 2, in different arrays

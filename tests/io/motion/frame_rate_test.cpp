@@ -39,16 +39,16 @@ struct Array {
     Shape shape;
     std::vector<double> data;
 };
-using Arrays = std::map<std::string, Array>;
-Arrays split_arrays() {
+using StoredArrays = std::map<std::string, Array>;
+StoredArrays split_arrays() {
     const auto rows = [](std::size_t width) { return Array{{frames, width}, std::vector<double>(frames * width)}; };
-    Arrays arrays{{"global_orient", rows(3)}, {"body_pose", rows(63)}, {"transl", rows(3)}};
+    StoredArrays arrays{{"global_orient", rows(3)}, {"body_pose", rows(63)}, {"transl", rows(3)}};
     for (const char* key : {"jaw_pose", "leye_pose", "reye_pose"}) arrays[key] = rows(3);
     for (const char* key : {"left_hand_pose", "right_hand_pose"}) arrays[key] = rows(45);
     arrays["betas"] = {{3}, {0, 0, 0}};
     return arrays;
 }
-Arrays amass_arrays() {
+StoredArrays amass_arrays() {
     return {{"poses", {{frames, 165}, std::vector<double>(frames * 165)}},
             {"trans", {{frames, 3}, std::vector<double>(frames * 3)}},
             {"betas", {{3}, {0, 0, 0}}}};
@@ -111,14 +111,14 @@ TEST_CASE(
 TEST_CASE("every key for the rate is read, in gsh's layout, AMASS', PeopleSnapshot's and SMPLify-X'") {
     const test::Temporary folder;
     const BodyModel body = test::small_body(55, 3, 2);
-    Arrays fits = split_arrays(), snapshot = {{"thetas", {{frames, 72}, std::vector<double>(frames * 72)}},
+    StoredArrays fits = split_arrays(), snapshot = {{"thetas", {{frames, 72}, std::vector<double>(frames * 72)}},
                                               {"transl", {{frames, 3}, std::vector<double>(frames * 3)}},
                                               {"betas", {{3}, {0, 0, 0}}}};
     fits["camera_translation"] = {{frames, 3}, std::vector<double>(frames * 3)};
-    for (const Arrays& layout : {split_arrays(), amass_arrays(), fits, snapshot}) {
+    for (const StoredArrays& layout : {split_arrays(), amass_arrays(), fits, snapshot}) {
         const auto load = [&](const std::string& key, double value, std::vector<std::string>& warnings,
                               double input = 0) {
-            Arrays arrays = layout;
+            StoredArrays arrays = layout;
             if (!key.empty()) arrays[key] = {{}, {value}};
             NpzWriter file(folder / "a.npz");
             for (const auto& [name, array] : arrays) file.add(name, array.data, array.shape);

@@ -19,7 +19,7 @@ namespace {
 
 /// A motion of two frames in the forms of estimators: one dictionary by pickles of all protocols and in an .npy file,
 /// and a dictionary for each person with poses in the camera's frame and in the world's.
-constexpr const char* maker = R"python(
+constexpr const char* python_maker = R"python(
 import pickle, sys, numpy as np
 rows = lambda width, value: np.full((2, width), value, np.float32)
 motion = {"global_orient": rows(3, 0.25), "body_pose": rows(63, 0.125), "transl": rows(3, 0.5), "betas": np.zeros(3), "name": {}}
@@ -31,7 +31,7 @@ pickle.dump(people, open("people.pkl", "wb"))
 )python";
 
 /// The page's block of Python that reads files of PyTorch.
-std::string recipe() {
+std::string python_recipe() {
     const std::string page = read_file(std::filesystem::path(GSH_SOURCE_DIR) / "docs/captures.md");
     const std::string fence = "```python\n";
     for (std::size_t at = page.find(fence); at != std::string::npos; at = page.find(fence, at + 1)) {
@@ -57,9 +57,9 @@ TEST_CASE("the page's program converts pickles, .npy files and dictionaries insi
         test::skip("there is no python3 with NumPy");
         return;
     }
-    REQUIRE(!recipe().empty());
-    write_file(folder / "convert.py", recipe());
-    write_file(folder / "maker.py", maker);
+    REQUIRE(!python_recipe().empty());
+    write_file(folder / "convert.py", python_recipe());
+    write_file(folder / "maker.py", python_maker);
     const bool made = run(python + " maker.py");
     INFO(read_file(folder / "said.txt"));
     REQUIRE(made);

@@ -200,12 +200,12 @@ inline Motion load_easymocap_motion(const std::filesystem::path& folder, const B
         if (parts[0].key != std::string("global_orient")) columns.add("global_orient", no_turn.data(), 3);
         for (const auto& part : parts) columns.add(part.key, &p.poses[part.first], part.count);
         for (Field& field : fields) {
-            const std::vector<double>& numbers = p.*field.numbers;
-            if (t == 0) field.taken = !numbers.empty() && !columns.has(field.key), field.width = numbers.size();
+            const std::vector<double>& given = p.*field.numbers;
+            if (t == 0) field.taken = !given.empty() && !columns.has(field.key), field.width = given.size();
             if (field.taken) {
-                expect(field.name, numbers.size(), field.width);
-                columns.add(field.key, numbers.data(), numbers.size());
-            } else if (!numbers.empty() && !columns.has(field.key)) {
+                expect(field.name, given.size(), field.width);
+                columns.add(field.key, given.data(), given.size());
+            } else if (!given.empty() && !columns.has(field.key)) {
                 ++field.late;
             }
         }
