@@ -191,6 +191,10 @@ TEST_CASE("shoulder, foot, hand and hip mean what the other names leave") {
     CHECK(matched(smpl, "left_wrist") == "L_Wrist");
     CHECK(matched(smpl, "left_foot") == "L_Foot");
     CHECK(matched(smpl, "left_hip") == "L_Hip");
+    const RigMotion fingers =
+        rig_of({{"LeftHand", -1}, {"LeftHandRing", 0}, {"LeftHandIndex", 0}, {"LeftHandIndex1", 2}});
+    CHECK(matched(fingers, "left_ring1") == "LeftHandRing"); // of one joint
+    CHECK(matched(fingers, "left_index1") == "LeftHandIndex1");
     CHECK(matched(rig_of({{"hip", -1}, {"pelvis", 0}}), "pelvis") == "hip");
     CHECK(matched(rig_of({{"root", -1}, {"pelvis", 0}}), "pelvis") == "pelvis");
     CHECK(

@@ -51,7 +51,7 @@ struct KnownJoint {
             {"knee",
              {"knee", "lowerleg", "lowleg", "loleg", "calf", "shin", "tibia", "legstretch", "lowerleg1", "leg"}},
             {"ankle", {"ankle", "foot"}},
-            {"foot", {"toebase", "toes", "toe", "ball", "toe0", "toes1", "foot"}},
+            {"foot", {"toebase", "toes", "toe", "ball", "toe0", "toes1", "forefoot", "foot"}},
             {"shoulder",
              {"upperarm", "uparm", "arm", "shldr", "shldrbend", "armstretch", "humerus", "upperarm1", "uarm",
               "shoulder"}},
@@ -78,7 +78,8 @@ struct KnownJoint {
                     for (const std::string& part : {word + number, "hand" + word + number, word + finger.phalanges[n],
                                                     "f" + word + number, word + "finger" + number})
                         known.parts.push_back(part);
-                if (known.joint == "thumb1") known.parts.emplace_back("thumb");
+                for (const std::string& word : finger.words) // a finger of one joint
+                    if (n == 0) known.parts.push_back(word), known.parts.push_back("hand" + word);
                 list.push_back(known);
             }
         return list;
