@@ -211,8 +211,10 @@ private:
     }
 
     [[nodiscard]] __device__ auto shape_at(std::size_t i) const {
-        if constexpr (Factored) return splats.factors[i];
-        else return splats.covariances[i];
+        if constexpr (Factored)
+            return splats.factors[i];
+        else
+            return splats.covariances[i];
     }
 
     /// Leaves the cover empty if the splat is culled.
