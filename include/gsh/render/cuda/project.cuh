@@ -146,7 +146,7 @@ template <class T>
 template <std::floating_point T, bool Factored>
 struct ProjectSplats {
     static constexpr unsigned block_size = splats_of_block;
-    static constexpr unsigned least_blocks = 4;
+    static constexpr unsigned least_blocks = Factored ? 2 : 4;
     static constexpr unsigned warps = block_size / warp_size;
     static constexpr T largest = std::numeric_limits<T>::max();
     struct Shared {
