@@ -55,10 +55,9 @@ TEST_CASE("the adjoint of needles: by central differences in double, and in floa
             for (std::size_t i = 0; i < image.data.size(); ++i) sum += image.data[i] * weights.data[i];
             return sum;
         };
-        GaussianCloud<double> gradient =
-            NeedlePasses<Serial, double>(backend, cloud, camera, true, test::smooth_params<double>(compensate),
-                                         &weights)
-                .gradient;
+        GaussianCloud<double> gradient = NeedlePasses<Serial, double>(backend, cloud, camera, true,
+                                                                      test::smooth_params<double>(compensate), &weights)
+                                             .gradient;
         test::GradientCheck check;
         check.tolerance = 1e-5;
         test::check_gradient(loss, test::scalars(cloud.log_scales), test::scalars(gradient.log_scales), check);

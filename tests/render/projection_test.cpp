@@ -22,7 +22,9 @@ mat3<double> make_factor(test::Rng& rng, double size) {
     const auto columns = rng.vecs(3);
     return {columns[0] * size, columns[1] * size, columns[2] * size};
 }
-sym3<double> make_covariance(test::Rng& rng, double size) { return gram(make_factor(rng, size)); }
+sym3<double> make_covariance(test::Rng& rng, double size) {
+    return gram(make_factor(rng, size));
+}
 
 /// A random linear function of all results of project.
 struct Weights {

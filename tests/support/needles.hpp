@@ -102,8 +102,13 @@ inline DenseImage dense_picture(const GaussianCloud<float>& cloud, const Camera<
         const auto dot = [](const L* a, const L* b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; };
         const L dilation = 0.3L, xx = dot(u, u), xy = dot(u, v), yy = dot(v, v), sharp = dot(N, N),
                 det = sharp + dilation * (xx + yy) + dilation * dilation;
-        Drawn d{p[2], camera.fx * p[0] / p[2] + camera.cx, camera.fy * p[1] / p[2] + camera.cy,
-                (yy + dilation) / det, -xy / det, (xx + dilation) / det, 1 / (1 + std::exp(-L(cloud.opacity_logits[i]))),
+        Drawn d{p[2],
+                camera.fx * p[0] / p[2] + camera.cx,
+                camera.fy * p[1] / p[2] + camera.cy,
+                (yy + dilation) / det,
+                -xy / det,
+                (xx + dilation) / det,
+                1 / (1 + std::exp(-L(cloud.opacity_logits[i]))),
                 {}};
         if (compensate) d.opacity *= std::sqrt(std::max(sharp / det, 0.000025L));
         for (int c = 0; c < 3; ++c) d.color[c] = std::max(0.28209479177387814L * cloud.sh[i][c] + 0.5L, 0.0L);
@@ -143,8 +148,8 @@ inline DenseImage dense_picture(const GaussianCloud<float>& cloud, const Camera<
         for (int column = 0; column < expected.width; ++column) {
             const auto at = static_cast<std::size_t>(row * expected.width + column);
             for (int c = 0; expected.decided[at] && c < 3; ++c) {
-                const double d = std::abs(double(found.at(c, row, column)) -
-                                          expected.pixels[at][static_cast<std::size_t>(c)]);
+                const double d =
+                    std::abs(double(found.at(c, row, column)) - expected.pixels[at][static_cast<std::size_t>(c)]);
                 largest = d <= largest ? largest : d; // a NaN stays
             }
         }

@@ -86,10 +86,8 @@ struct SplatView {
     /// `count` splats starting at index `first`, for instance one person's part of a scene.
     [[nodiscard]] GSH_HD SplatView subview(std::size_t first, std::size_t count) const {
         const bool factored = is_factored();
-        return {means.subspan(first, count),
-                factored ? covariances : covariances.subspan(first, count),
-                opacities.subspan(first, count),
-                colors.subspan(first, count),
+        return {means.subspan(first, count), factored ? covariances : covariances.subspan(first, count),
+                opacities.subspan(first, count), colors.subspan(first, count),
                 factored ? factors.subspan(first, count) : factors};
     }
     template <std::same_as<T> U> // a template, because nvcc warns about a conversion to the same type

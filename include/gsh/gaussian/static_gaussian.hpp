@@ -141,8 +141,10 @@ struct StaticSplatForward {
     SplatView<T> splats;
 
     GSH_HD void operator()(std::size_t i) const {
-        if (splats.is_factored()) splats.set(i, StaticGaussian<Degree>::forward_factored(input[i], clamping));
-        else splats.set(i, StaticGaussian<Degree>::forward(input[i], clamping));
+        if (splats.is_factored())
+            splats.set(i, StaticGaussian<Degree>::forward_factored(input[i], clamping));
+        else
+            splats.set(i, StaticGaussian<Degree>::forward(input[i], clamping));
     }
 };
 
@@ -163,7 +165,8 @@ struct StaticSplatBackward {
         gradient.sh = dL_dsh;
         if (dL_dsplats.is_factored())
             StaticGaussian<Degree>::backward(input[i], clamping, dL_dsplats.factored(i), gradient);
-        else StaticGaussian<Degree>::backward(input[i], clamping, dL_dsplats[i], gradient);
+        else
+            StaticGaussian<Degree>::backward(input[i], clamping, dL_dsplats[i], gradient);
         add_attributes(gradient, dL_dgaussians, i);
         if (!dL_dgaussians.sh.empty())
             for (std::size_t k = 0; k < basis_count; ++k) dL_dgaussians.sh[i * basis_count + k] += dL_dsh[k];
@@ -182,8 +185,10 @@ template <class T>
 void check_splats(std::string_view where, std::string_view argument, const SplatView<T>& splats, std::size_t count) {
     const std::string prefix = std::string(argument) + ".";
     check_size(where, prefix + "means", splats.means.size(), count);
-    if (!splats.is_factored()) check_size(where, prefix + "covariances", splats.covariances.size(), count);
-    else check_size(where, prefix + "factors", splats.factors.size(), count);
+    if (!splats.is_factored())
+        check_size(where, prefix + "covariances", splats.covariances.size(), count);
+    else
+        check_size(where, prefix + "factors", splats.factors.size(), count);
     check_size(where, prefix + "opacities", splats.opacities.size(), count);
     check_size(where, prefix + "colors", splats.colors.size(), count);
 }

@@ -47,8 +47,8 @@ struct CameraGradientView {
 /// after some steps that a buffer was too small; the last `steps` steps have then changed nothing on the device, and
 /// are run again. A scene that counts its steps on the host, outside of set_progress, must subtract them here. It may
 /// have kind(photo), a number that differs where the kernels of a photograph's step do: each kind is recorded once. And
-/// it may have name_of(splat), what messages call a splat beside its number: "Gaussian 12 of person 1", or nothing. With
-/// a constant has_needles that is true, the splats that it writes have factors in place of covariances.
+/// it may have name_of(splat), what messages call a splat beside its number: "Gaussian 12 of person 1", or nothing. A
+/// trainer gives views with factors in place of covariances to a scene whose constant has_needles is true.
 template <class S, class B, class T>
 concept SplatScene = requires(S& scene, const Photo& photo, std::size_t frame, std::uint64_t step, double progress,
                               const Deferred<vec3<T>>& center, const SplatView<T>& splats,

@@ -142,7 +142,7 @@ struct FactorShape {
     GSH_INLINE GSH_HD void backward(const sym2<T>& g, T dL_dsharp_det, T dL_ddilated_det, T dilation, mat3<T>& dL_dF,
                                     vec3<T>& dL_da, vec3<T>& dL_db) const {
         const T two(ScalarOf<T>(2)), to_normal = two * (dL_dsharp_det + dL_ddilated_det),
-                to_lengths = two * dilation * dL_ddilated_det;
+                                     to_lengths = two * dilation * dL_ddilated_det;
         add(g, u * to_lengths + cross(v, normal) * to_normal, v * to_lengths + cross(normal, u) * to_normal, dL_dF,
             dL_da, dL_db);
     }
@@ -209,8 +209,9 @@ template <Lane T, class Shape>
 /// compensation passes none. dL_dprojection.in_front and determinant are not read.
 template <Lane T, class Shape>
 GSH_INLINE GSH_HD void project_backward(const Camera<T>& camera, const vec3<T>& mean, const Shape& shape,
-                                        const ProjectionParams<ScalarOf<T>>& params, const Projection<T>& dL_dprojection,
-                                        vec3<T>& dL_dmean, Shape& dL_dshape, CameraGradient<T>* dL_dcamera = nullptr) {
+                                        const ProjectionParams<ScalarOf<T>>& params,
+                                        const Projection<T>& dL_dprojection, vec3<T>& dL_dmean, Shape& dL_dshape,
+                                        CameraGradient<T>* dL_dcamera = nullptr) {
     using S = ScalarOf<T>;
     const T zero(S(0)), two(S(2));
     const detail::ProjectionFrame<T> f(camera, mean, params);
@@ -218,7 +219,7 @@ GSH_INLINE GSH_HD void project_backward(const Camera<T>& camera, const vec3<T>& 
     vec3<T> dL_da, dL_db;
     if (params.compensate_opacity) {
         const T dilation(params.dilation), inverse_det = T(S(1)) / on_image.dilated_determinant(dilation),
-                ratio = on_image.sharp_determinant() * inverse_det;
+                                           ratio = on_image.sharp_determinant() * inverse_det;
         const auto above = ratio > T(params.compensation_floor);
         const T dL_dratio =
             select(above, dL_dprojection.opacity_factor / (two * sqrt(max(ratio, T(params.compensation_floor)))), zero);
@@ -236,8 +237,8 @@ GSH_INLINE GSH_HD void project_backward(const Camera<T>& camera, const vec3<T>& 
     const T through_x = select(f.x_inside, dL_djx, zero), through_y = select(f.y_inside, dL_djy, zero);
     const T dL_dpx = dL_dprojection.mean2d.x + through_x, dL_dpy = dL_dprojection.mean2d.y + through_y;
     const T dL_dx = dL_dpx * camera.fx, dL_dy = dL_dpy * camera.fy;
-    const T dL_dz = dL_dprojection.depth -
-                    f.inverse_z * (dL_dx * f.x + dL_dy * f.y + dot(dL_da, f.a) + dot(dL_db, f.b));
+    const T dL_dz =
+        dL_dprojection.depth - f.inverse_z * (dL_dx * f.x + dL_dy * f.y + dot(dL_da, f.a) + dot(dL_db, f.b));
     const vec3<T> dL_dp(dL_dx * f.inverse_z, dL_dy * f.inverse_z, dL_dz);
     dL_dmean += f.row0 * dL_dp.x + f.row1 * dL_dp.y + f.row2 * dL_dp.z;
     if (dL_dcamera == nullptr) return;

@@ -12,9 +12,9 @@ TEST_CASE("which extensions a file may require") {
     for (const auto parts : {GltfParts::nodes, GltfParts::meshes}) {
         for (const char* name :
              {"KHR_gaussian_splatting", "KHR_mesh_quantization", "EXT_mesh_gpu_instancing", "KHR_node_visibility",
-              "KHR_materials_unlit", "KHR_materials_variants", "ADOBE_materials_clearcoat_tint", "KHR_texture_transform",
-              "EXT_texture_webp", "KHR_lights_punctual", "EXT_lights_image_based", "KHR_xmp_json_ld", "VRMC_vrm",
-              "VRMC_materials_mtoon", "EXT_structural_metadata"}) {
+              "KHR_materials_unlit", "KHR_materials_variants", "ADOBE_materials_clearcoat_tint",
+              "KHR_texture_transform", "EXT_texture_webp", "KHR_lights_punctual", "EXT_lights_image_based",
+              "KHR_xmp_json_ld", "VRMC_vrm", "VRMC_materials_mtoon", "EXT_structural_metadata"}) {
             INFO(std::string(name));
             CHECK(reads(name, parts));
         }

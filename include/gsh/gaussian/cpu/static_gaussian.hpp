@@ -30,8 +30,10 @@ struct StaticBlock : WideBlock<T> {
     void forward(const StaticSplatForward<Degree, T>& element) {
         if (!this->fill()) return;
         read(element.input);
-        if (element.splats.is_factored()) write(Gaussian::forward_factored(in_, element.clamping), element.splats);
-        else write(Gaussian::forward(in_, element.clamping), element.splats);
+        if (element.splats.is_factored())
+            write(Gaussian::forward_factored(in_, element.clamping), element.splats);
+        else
+            write(Gaussian::forward(in_, element.clamping), element.splats);
         count = 0;
     }
 
@@ -44,7 +46,8 @@ struct StaticBlock : WideBlock<T> {
         gradient.sh = dL_dsh;
         if (element.dL_dsplats.is_factored())
             Gaussian::backward(in_, element.clamping, read<FactoredSplat<W>>(element.dL_dsplats), gradient);
-        else Gaussian::backward(in_, element.clamping, read<Splat<W>>(element.dL_dsplats), gradient);
+        else
+            Gaussian::backward(in_, element.clamping, read<Splat<W>>(element.dL_dsplats), gradient);
 
         const auto& out = element.dL_dgaussians;
         for (std::size_t lane = 0; lane < count; ++lane) {

@@ -19,7 +19,7 @@ namespace gsh::detail {
 
 /// Converts the coefficients in place. Without bands, the colour is exact. With bands, the sRGB curve of a sum of SH is
 /// no sum of SH: the coefficients are those with the least squared error over all directions. Colours below 0 are
-/// clamped before the curve, as where they are shown. Returns the root mean square of the error, of colours from 0 to 1.
+/// clamped before the curve, as where they are shown. Returns the root mean square of the error of colours in [0, 1].
 [[nodiscard]] inline double convert_linear_colors(GaussianCloud<float>& cloud) {
     double squared = 0;
     std::size_t count = 0;

@@ -116,7 +116,7 @@ private:
     // Input, member by member: a register is loaded long after its numbers were stored one by one.
     alignas(64) T mean_x_[size] = {}, mean_y_[size] = {}, mean_z_[size] = {};
     alignas(64) T xx_[size] = {}, xy_[size] = {}, xz_[size] = {}, yy_[size] = {}, yz_[size] = {}, zz_[size] = {};
-    alignas(64) T factor_[9][size] = {}; // by columns; in place of the covariance
+    alignas(64) T factor_[9][size] = {};                  // by columns; in place of the covariance
     alignas(64) T opacity_[size] = {}, color_[size] = {}; // color_: 0 if it is finite, else NaN
     Camera<double> camera_;
     ProjectionParams<double> params_;

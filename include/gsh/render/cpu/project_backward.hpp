@@ -55,8 +55,9 @@ public:
         const std::size_t k = count++;
         const vec3<T>& m = splats.means[i];
         splat[k] = i;
-        const T numbers[others] = {m.x, m.y, m.z, sum[slot_u], sum[slot_v], sum[slot_uu], sum[slot_uv], sum[slot_vv],
-                                   sum[slot_depth], sum[slot_g] / s.opacity * splats.opacities[i]};
+        const T numbers[others] = {
+            m.x,          m.y,          m.z,          sum[slot_u],     sum[slot_v],
+            sum[slot_uu], sum[slot_uv], sum[slot_vv], sum[slot_depth], sum[slot_g] / s.opacity * splats.opacities[i]};
         for (std::size_t n = 0; n < others; ++n) in_[n][k] = numbers[n];
         if (factored_) {
             const mat3<T>& F = splats.factors[i];

@@ -18,6 +18,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <limits>
+#include <type_traits>
 
 namespace gsh::cuda {
 
@@ -49,13 +50,15 @@ void project_splats(Device& device, const Deferred<Camera<T>>& camera, const Spl
     const Span<std::uint32_t> counters(scratch.counters);
     device.fill(counters, 0u);
     const auto project = [&](auto factored) {
-        device.launch(blocks, ProjectSplats<T, decltype(factored)::value>{
-                                  splats, params, params.alpha_min, scratch.grid, scratch.splats, scratch.covers,
-                                  scratch.slot_begin, cache.visible, counters.subspan(0, tiles), scratch.block_counts,
-                                  camera});
+        device.launch(blocks,
+                      ProjectSplats<T, decltype(factored)::value>{
+                          splats, params, params.alpha_min, scratch.grid, scratch.splats, scratch.covers,
+                          scratch.slot_begin, cache.visible, counters.subspan(0, tiles), scratch.block_counts, camera});
     };
-    if (splats.is_factored()) project(std::true_type());
-    else project(std::false_type());
+    if (splats.is_factored())
+        project(std::true_type());
+    else
+        project(std::false_type());
     const bool deferring = device.deferring();
     device.launch(2, ScanCounts{scratch.block_counts, scratch.block_begin, cache.status, scratch.refused,
                                 deferring ? device.halted() : Span<std::uint32_t>{}, params.max_pairs,

@@ -13,6 +13,7 @@
 
 #include <concepts>
 #include <cstddef>
+#include <type_traits>
 
 namespace gsh::cuda {
 
@@ -50,8 +51,10 @@ void project_splats_backward(Device& device, const Deferred<Camera<T>>& camera, 
                                   scratch.slots, dL_dsplats, cache.screen_gradient_norms, cache.screen_radii,
                                   scratch.block_camera, camera});
     };
-    if (splats.is_factored()) project_backward(std::true_type());
-    else project_backward(std::false_type());
+    if (splats.is_factored())
+        project_backward(std::true_type());
+    else
+        project_backward(std::false_type());
 }
 
 } // namespace detail

@@ -146,7 +146,7 @@ template <class T>
 template <std::floating_point T, bool Factored>
 struct ProjectSplats {
     static constexpr unsigned block_size = splats_of_block;
-    static constexpr unsigned least_blocks = 4;
+    static constexpr unsigned least_blocks = Factored ? 2 : 4;
     static constexpr unsigned warps = block_size / warp_size;
     static constexpr T largest = std::numeric_limits<T>::max();
     struct Shared {
@@ -211,8 +211,10 @@ private:
     }
 
     [[nodiscard]] __device__ auto shape_at(std::size_t i) const {
-        if constexpr (Factored) return splats.factors[i];
-        else return splats.covariances[i];
+        if constexpr (Factored)
+            return splats.factors[i];
+        else
+            return splats.covariances[i];
     }
 
     /// Leaves the cover empty if the splat is culled.

@@ -101,8 +101,10 @@ private:
         if (!dL_dsplats.colors.empty()) dL_dsplats.colors[i] += vec3<T>(sum[slot_red], sum[slot_green], sum[slot_blue]);
 
         radii[i] = screen_radius(Whitening<T>{s.ux, s.uy, s.vy});
-        if constexpr (Factored) add_factored(i, s, sum, g * opacity, dL_dcamera);
-        else add_plain(i, s, sum, g * opacity, dL_dcamera);
+        if constexpr (Factored)
+            add_factored(i, s, sum, g * opacity, dL_dcamera);
+        else
+            add_plain(i, s, sum, g * opacity, dL_dcamera);
     }
 
     __device__ void add_plain(std::size_t i, const ScreenSplat<T>& s, const T* sum, T dL_dopacity_factor,
