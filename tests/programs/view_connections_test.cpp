@@ -21,7 +21,7 @@ using namespace std::chrono_literals;
 
 namespace {
 
-const std::string key = "0123456789abcdef";
+const std::string server_key = "0123456789abcdef";
 
 /// A client that sends bytes as they are.
 class RawClient {
@@ -70,9 +70,10 @@ private:
 /// A server whose answers are the target and the body of the request.
 class Running {
 public:
-    explicit Running(ConnectionLimits limits = {}) : server_(key, limits) {
+    explicit Running(ConnectionLimits limits = {}) : server_(server_key, limits) {
         server_.set_pre_routing_handler([](const httplib::Request& request, httplib::Response& response) {
-            if (same_key(request.get_param_value("key"), key)) return httplib::Server::HandlerResponse::Unhandled;
+            if (same_key(request.get_param_value("key"), server_key))
+                return httplib::Server::HandlerResponse::Unhandled;
             response.status = 403;
             response.set_content("key: is missing\n", "text/plain");
             return httplib::Server::HandlerResponse::Handled;
@@ -108,10 +109,11 @@ private:
 };
 
 std::string get(const std::string& path, bool with_key = true, const std::string& fields = {}) {
-    return "GET " + path + (with_key ? "?key=" + key : "") + " HTTP/1.1\r\nHost: localhost\r\n" + fields + "\r\n";
+    return "GET " + path + (with_key ? "?key=" + server_key : "") + " HTTP/1.1\r\nHost: localhost\r\n" + fields +
+           "\r\n";
 }
 std::string post(const std::string& path, const std::string& body, bool with_key = true) {
-    return "POST " + path + (with_key ? "?key=" + key : "") +
+    return "POST " + path + (with_key ? "?key=" + server_key : "") +
            " HTTP/1.1\r\nHost: localhost\r\nContent-Length: " + std::to_string(body.size()) + "\r\n\r\n" + body;
 }
 double seconds_of(const auto& deed) {
@@ -124,19 +126,19 @@ double seconds_of(const auto& deed) {
 
 TEST_CASE("gsh-view: heads of requests are read strictly") {
     const ConnectionLimits limits;
-    const auto status = [&](const std::string& text) { return parse_head(text, key, limits).status; };
-    const RequestHead head = parse_head("POST /draw?a=1&key=" + key +
+    const auto status = [&](const std::string& text) { return parse_head(text, server_key, limits).status; };
+    const RequestHead head = parse_head("POST /draw?a=1&key=" + server_key +
                                             "&b HTTP/1.1\r\nHost: x\r\nRange: bytes=0-1\r\n"
                                             "content-length:  12 \r\n\r\n",
-                                        key, limits);
+                                        server_key, limits);
     CHECK(head.status == 0);
     CHECK(head.has_key);
     CHECK(head.body_bytes == 12);
-    CHECK(head.text == "POST /draw?a=1&key=" + key + "&b HTTP/1.1\r\nHost: x\r\ncontent-length:  12 \r\n\r\n");
-    CHECK(!parse_head(get("/", false), key, limits).has_key);
-    CHECK(!parse_head("GET /?key=" + key + "0 HTTP/1.1\r\n\r\n", key, limits).has_key);
-    CHECK(!parse_head("GET /?akey=" + key + " HTTP/1.1\r\n\r\n", key, limits).has_key);
-    CHECK(!parse_head("GET /key=" + key + " HTTP/1.1\r\n\r\n", key, limits).has_key);
+    CHECK(head.text == "POST /draw?a=1&key=" + server_key + "&b HTTP/1.1\r\nHost: x\r\ncontent-length:  12 \r\n\r\n");
+    CHECK(!parse_head(get("/", false), server_key, limits).has_key);
+    CHECK(!parse_head("GET /?key=" + server_key + "0 HTTP/1.1\r\n\r\n", server_key, limits).has_key);
+    CHECK(!parse_head("GET /?akey=" + server_key + " HTTP/1.1\r\n\r\n", server_key, limits).has_key);
+    CHECK(!parse_head("GET /key=" + server_key + " HTTP/1.1\r\n\r\n", server_key, limits).has_key);
     CHECK(status(get("/")) == 0);
     CHECK(status("GET / HTTP/2.0\r\n\r\n") == 400);
     CHECK(status("nonsense\r\n\r\n") == 400);
@@ -150,9 +152,9 @@ TEST_CASE("gsh-view: heads of requests are read strictly") {
     CHECK(status("POST / HTTP/1.1\r\nContent-Length: -1\r\n\r\n") == 400);
     CHECK(status("POST / HTTP/1.1\r\n\r\n") == 411);
     CHECK(status("POST / HTTP/1.1\r\nTransfer-Encoding: chunked\r\n\r\n") == 411);
-    CHECK(status("POST /?key=" + key + " HTTP/1.1\r\nContent-Length: 99999999999999999999999\r\n\r\n") == 413);
-    CHECK(status("POST /?key=" + key + " HTTP/1.1\r\nContent-Length: 67108865\r\n\r\n") == 413);
-    CHECK(status("POST /?key=" + key + " HTTP/1.1\r\nContent-Length: 67108864\r\n\r\n") == 0);
+    CHECK(status("POST /?key=" + server_key + " HTTP/1.1\r\nContent-Length: 99999999999999999999999\r\n\r\n") == 413);
+    CHECK(status("POST /?key=" + server_key + " HTTP/1.1\r\nContent-Length: 67108865\r\n\r\n") == 413);
+    CHECK(status("POST /?key=" + server_key + " HTTP/1.1\r\nContent-Length: 67108864\r\n\r\n") == 0);
     std::string many;
     for (int i = 0; i < 65; ++i) many += "A: b\r\n";
     CHECK(status(get("/", true, many)) == 431);
@@ -196,7 +198,7 @@ TEST_CASE("gsh-view: without the key no body is read, and the connection ends") 
         CHECK(answer.starts_with("HTTP/1.1 403"));
         CHECK(client.receive("got /b", 100ms).find("got /b") == std::string::npos);
     }
-    for (const std::string& path : {"/a?key=" + key, std::string("/a")}) {
+    for (const std::string& path : {"/a?key=" + server_key, std::string("/a")}) {
         RawClient client(server.port(), "POST " + path + " HTTP/1.1\r\nHost: localhost\r\n\r\n");
         CHECK(client.receive("Content-Length\n").starts_with("HTTP/1.1 411"));
         RawClient chunked(server.port(),
@@ -204,7 +206,7 @@ TEST_CASE("gsh-view: without the key no body is read, and the connection ends") 
         CHECK(chunked.receive("chunks\n").starts_with("HTTP/1.1 411"));
     }
     RawClient large(server.port(),
-                    "POST /a?key=" + key + " HTTP/1.1\r\nHost: localhost\r\nContent-Length: 67108865\r\n\r\n");
+                    "POST /a?key=" + server_key + " HTTP/1.1\r\nHost: localhost\r\nContent-Length: 67108865\r\n\r\n");
     CHECK(large.receive("read\n").find("64 MiB") != std::string::npos);
 }
 
