@@ -7,7 +7,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdint>
 
 namespace gsh::examples {
 
@@ -37,19 +36,20 @@ template <class T>
     return part;
 }
 
-/// The box around the pixels of a mask with a margin of a twelfth of its height; the whole picture without such pixels.
-[[nodiscard]] inline PixelBox box_of_mask(const Image<std::uint8_t>& mask) {
-    int left = mask.width, right = -1, top = mask.height, bottom = -1;
-    for (int y = 0; y < mask.height; ++y)
-        for (int x = 0; x < mask.width; ++x)
-            if (mask.at(0, y, x)) {
+/// The box around the pixels whose alpha exceeds 1/2, with a margin of a twelfth of its height; the whole picture
+/// without such pixels.
+[[nodiscard]] inline PixelBox box_of_person(const Image<float>& alpha) {
+    int left = alpha.width, right = -1, top = alpha.height, bottom = -1;
+    for (int y = 0; y < alpha.height; ++y)
+        for (int x = 0; x < alpha.width; ++x)
+            if (alpha.at(0, y, x) > 0.5f) {
                 left = std::min(left, x), right = std::max(right, x);
                 top = std::min(top, y), bottom = std::max(bottom, y);
             }
-    if (right < 0) return {0, 0, mask.width, mask.height};
+    if (right < 0) return {0, 0, alpha.width, alpha.height};
     const int margin = (bottom - top + 1) / 12;
-    left = std::max(0, left - margin), right = std::min(mask.width - 1, right + margin);
-    top = std::max(0, top - margin), bottom = std::min(mask.height - 1, bottom + margin);
+    left = std::max(0, left - margin), right = std::min(alpha.width - 1, right + margin);
+    top = std::max(0, top - margin), bottom = std::min(alpha.height - 1, bottom + margin);
     return {left, top, right - left + 1, bottom - top + 1};
 }
 

@@ -362,7 +362,7 @@ std::optional<TestFigures> write_results(OutputFolder& out, const ReconstructOpt
     if (!scores.empty()) {
         const std::size_t shown_first = typical_image(scores, mean.psnr_person);
         const auto comparison = reconstruction.compare(setup.test_photos[shown_first]);
-        const PixelBox box = box_of_mask(comparison.mask);
+        const PixelBox box = box_of_person(comparison.mask);
         report.render = shown_picture("avatar", cropped(comparison.render, box));
         report.photograph = shown_picture("photograph " + scores[shown_first].name, cropped(comparison.truth, box));
     }
