@@ -69,8 +69,8 @@ inline Json read_json(const std::filesystem::path& path) {
     try {
         return Json::parse(text);
     } catch (const nlohmann::json::exception& error) {
-        throw IoError(path.string() + ": " +
-                      not_the_kind(path, "JSON", "json", std::string("is not JSON, or truncated: ") + error.what()));
+        const std::string own = std::string("is not JSON, or truncated: ") + error.what();
+        throw IoError(path.string() + ": " + (text.empty() ? own : not_the_kind(path, "JSON", "json", own)));
     }
 }
 
