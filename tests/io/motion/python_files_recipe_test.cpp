@@ -26,6 +26,7 @@ motion = {"global_orient": rows(3, 0.25), "body_pose": rows(63, 0.125), "transl"
 for protocol in range(6):
     pickle.dump(motion, open(f"p{protocol}.pkl", "wb"), protocol)
 np.save("dictionary.npy", motion, allow_pickle=True)
+np.savez("object.npz", params=np.array(motion, dtype=object))
 people = {0: {"pose_world": rows(72, 0.125), "trans_world": rows(3, 0.5), "pose": rows(72, 9), "trans": rows(3, 9), "betas": np.zeros((2, 3))}}
 pickle.dump(people, open("people.pkl", "wb"))
 )python";
@@ -64,17 +65,18 @@ TEST_CASE("the page's program converts pickles, .npy files and dictionaries insi
     INFO(read_file(folder / "said.txt"));
     REQUIRE(made);
     const BodyModel smplx = test::small_body(55, 3, 2, true), smpl = test::small_body(24, 3, 0);
-    for (const std::string name :
-         {"p0.pkl", "p1.pkl", "p2.pkl", "p3.pkl", "p4.pkl", "p5.pkl", "dictionary.npy", "people.pkl 0"}) {
+    for (const std::string name : {"p0.pkl", "p1.pkl", "p2.pkl", "p3.pkl", "p4.pkl", "p5.pkl", "dictionary.npy",
+                                   "object.npz params", "people.pkl 0"}) {
         CAPTURE(name);
         const std::string file = name.substr(0, name.find(' ')), key = name.substr(file.size());
         test::check_throws<IoError>([&] { (void)load_any_motion(folder / file, smplx); }, {file, "docs/captures.md"});
         const bool converted = run(python + " convert.py " + file + " out.npz" + key);
         INFO(read_file(folder / "said.txt"));
         REQUIRE(converted);
-        const Motion motion = load_any_motion(folder / "out.npz", key.empty() ? smplx : smpl);
+        const bool of_smpl = file == "people.pkl";
+        const Motion motion = load_any_motion(folder / "out.npz", of_smpl ? smpl : smplx);
         REQUIRE(motion.frame_count() == 2);
-        CHECK(motion.pose_at(1)[0] == vec3<double>(key.empty() ? 0.25 : 0.125));
+        CHECK(motion.pose_at(1)[0] == vec3<double>(of_smpl ? 0.125 : 0.25));
         CHECK(motion.pose_at(1)[21] == vec3<double>(0.125));
         CHECK(motion.transl[1] == vec3<double>(0.5));
     }

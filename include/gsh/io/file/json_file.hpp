@@ -46,7 +46,7 @@ template <class Value = Json>
     try {
         return parse_json(text, path.string());
     } catch (const IoError&) {
-        const std::string foreign = not_the_kind(path, "JSON", "json", "");
+        const std::string foreign = text.empty() ? "" : not_the_kind(path, "JSON", "json", "");
         if (!foreign.empty()) throw IoError(path.string() + ": " + foreign);
         throw;
     }
