@@ -2,6 +2,7 @@
 #include <gsh/image/resample.hpp>
 #include <gsh/io/capture/colmap_image.hpp>
 
+#include "io/exif_files.hpp"
 #include "io/temporary.hpp"
 
 #include <algorithm>
@@ -78,4 +79,43 @@ TEST_CASE("images come with masks, straightened where the lens was not") {
                                    {"a.png", "64 x 48", "63 x 48"});
     entry.name = "b.png";
     CHECK_THROWS_AS((void)read_colmap_image(entry, folder / "images"), IoError);
+}
+
+TEST_CASE("Exif data: pixels stay as COLMAP read them, unless only the turned picture has the camera's size") {
+    const test::Temporary folder;
+    PixelImage visible(3, 6, 4), mask(1, 6, 4);
+    for (std::size_t i = 0; i < visible.data.size(); ++i) visible.data[i] = static_cast<std::uint8_t>(3 * i);
+    for (std::size_t i = 0; i < mask.data.size(); ++i) mask.data[i] = i % 5 < 2 ? 255 : 0;
+    ColmapImage entry;
+    entry.name = "a.png";
+    entry.camera.fx = entry.camera.fy = 5, entry.camera.cx = entry.camera.cy = 2;
+    const auto read = [&](int width, int height) {
+        entry.camera.width = width, entry.camera.height = height;
+        return read_colmap_image(entry, folder / "", folder / "masks").image;
+    };
+    const auto has = [](const PixelImage& image, const PixelImage& colors, const PixelImage& alpha) {
+        bool same = image.width == colors.width && image.height == colors.height;
+        for (std::size_t i = 0; same && i < alpha.data.size(); ++i)
+            same = image.data[4 * i] == colors.data[3 * i] && image.data[4 * i + 3] == alpha.data[i];
+        return same;
+    };
+    std::filesystem::create_directories(folder / "masks");
+    for (const int orientation : {3, 6, 8}) {
+        CAPTURE(orientation);
+        const PixelImage lying = test::stored_lying(visible, orientation),
+                         lying_mask = test::stored_lying(mask, orientation);
+        write_file(folder / "a.png", test::with_exif(encode_png(lying), test::orientation_tiff(orientation)));
+        write_png(folder / "masks/a.png", lying_mask); // COLMAP wants masks of the pixels as stored
+        CHECK(has(read(lying.width, lying.height), lying, lying_mask));
+        if (orientation != 3) CHECK(has(read(4, 6), visible, mask)); // and so it was turned after its mask was made
+    }
+    // A label image is the person's.
+    write_png(folder / "a.png", visible);
+    PixelImage label = mask;
+    for (std::uint8_t& value : label.data) value /= 255;
+    write_png(folder / "masks/a.png", label);
+    CHECK(has(read(4, 6), visible, mask));
+    label.data[0] = 2;
+    write_png(folder / "masks/a.png", label);
+    test::check_throws<ValueError>([&] { (void)read(4, 6); }, {"masks/a.png", "labels 0, 1, 2"});
 }
