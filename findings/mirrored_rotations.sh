@@ -3,13 +3,13 @@
 #
 # Expected: a matrix of determinant -1 is no rotation, and a function that turns matrices into rotations says so, as
 #   scipy 1.17.1 does ("Non-positive determinant (left-handed or null coordinate frame)").
-# Seen: opencv 5.0.0, pycolmap 4.2.1, numpy-quaternion 2024.0.13, transforms3d 0.4.2, trimesh 5.2.0 and usd-core 26.11 give
-#   an answer each, without an error or a warning.
-# Output for diag(1, 1, -1): OpenCV a quarter turn about (1, 1, 0); pycolmap (w, x, y, z) = (0.707, 0, 0, 0) and usd-core
-#   (0, 0, 0.707, 0), of length 0.707; the three others a unit quaternion that their eigenvalue routine happens upon
-#   (here no turn, and twice a half turn about y).
-# Matters: cameras and bones out of left-handed programs (Unity, Unreal, DirectX captures) arrive as such matrices when
-#   one axis is flipped on one side only. The result looks like a badly calibrated camera, not like a mirror.
+# Seen: opencv 5.0.0, pycolmap 4.2.1, numpy-quaternion 2024.0.13, transforms3d 0.4.2, trimesh 5.2.0 and usd-core 26.11
+#   give an answer each, without an error or a warning.
+# Output for diag(1, 1, -1): OpenCV a quarter turn about (1, 1, 0); pycolmap (w, x, y, z) = (0.707, 0, 0, 0) and
+#   usd-core (0, 0, 0.707, 0), of length 0.707; the three others a unit quaternion that their eigenvalue routine happens
+#   upon (here no turn, and twice a half turn about y).
+# Matters: cameras and bones out of left-handed programs (Unity, Unreal, DirectX captures) arrive as such matrices
+#   when one axis is flipped on one side only. The result looks like a badly calibrated camera, not like a mirror.
 set -euo pipefail
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT

@@ -1,15 +1,15 @@
 #!/usr/bin/env bash
 # OpenCV 5.0.0: the four ways to refine a marker's corners give four markers, of other sizes and places.
 #
-# Expected: corner refinement (DetectorParameters.cornerRefinementMethod) trades time for noise; each way aims at the corner
-#   as drawn, in coordinates whose origin is the centre of the first pixel.
-# Seen: the default (none) and CONTOUR give markers that are too small on every side: the outermost black pixels' centres
-#   are taken for the edge. APRILTAG gives the right size half a pixel to the right and down (AprilTag counts from the
-#   first pixel's corner, and nothing is subtracted). SUBPIX alone is right. 4.12.0 does the same.
-# Output: over 20 views of a marker of 120 pixels, each corner's distance inwards and the marker's shift: none 0.4 and 0.0,
-#   SUBPIX 0.1 and 0.0, CONTOUR 0.6 and 0.0, APRILTAG 0.0 and 0.4 to 0.5 px.
-# Matters: at 120 pixels CONTOUR makes a marker one per cent smaller, so the camera is put one per cent too far
-#   away; APRILTAG shifts the principal point, as nothing else in a rig does.
+# Expected: corner refinement (DetectorParameters.cornerRefinementMethod) trades time for noise; each way aims at the
+#   corner as drawn, in coordinates whose origin is the centre of the first pixel.
+# Seen: the default (none) and CONTOUR give markers that are too small on every side: the outermost black pixels'
+#   centres are taken for the edge. APRILTAG gives the right size half a pixel to the right and down (AprilTag counts
+#   from the first pixel's corner, and nothing is subtracted). SUBPIX alone is right. 4.12.0 does the same.
+# Output: over 20 views of a marker of 120 pixels, each corner's distance inwards and the marker's shift: none 0.4 and
+#   0.0, SUBPIX 0.1 and 0.0, CONTOUR 0.6 and 0.0, APRILTAG 0.0 and 0.4 to 0.5 px.
+# Matters: at 120 pixels CONTOUR makes a marker one per cent smaller, so the camera is put one per cent too far away;
+#   APRILTAG shifts the principal point, as nothing else in a rig does.
 set -euo pipefail
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT

@@ -1,15 +1,16 @@
 #!/usr/bin/env bash
-# OpenCV 4.12.0: corners of ChArUco boards are half a pixel off, in x and in y; OpenCV 5.0.0's are not.
+# OpenCV 4.12.0: corners of ChArUco boards are half a pixel off, in x and in y; 5.0.0's are not.
 #
 # Expected: OpenCV's image coordinates have their origin in the centre of the first pixel (its page on resize and
 #   warping, and cornerSubPix, agree on it). CharucoDetector and cornerSubPix then find the same corner.
-# Seen: 4.12.0's CharucoDetector returns every corner 0.50 to the right and 0.50 down of where the picture has it.
-#   cornerSubPix, started from these, goes back by half a pixel. 5.0.0 is right, and gives an array of (n, 2) where 4.12.0
-#   gave (n, 1, 2), which old code meets first.
-# Output: mean of 24 corners under three perspectives: (0.50, 0.50) px off in 4.12.0, (0.00, 0.00) within 0.03 in 5.0.0.
-# Matters: a calibration by ChArUco puts the principal point half a pixel off, and all rays with it, so that its residuals are
-#   small: only a comparison with chessboard cameras, COLMAP or rendered masks shows it. Calibrations of the two
-#   versions must not be mixed in one rig.
+# Seen: 4.12.0's CharucoDetector returns every corner 0.50 to the right and 0.50 down of where the picture has it (so
+#   does 4.13.0). cornerSubPix, started from these, goes back by half a pixel. 5.0.0 is right (so is 4.14.0), and gives
+#   an array of (n, 2) where 4.12.0 gave (n, 1, 2).
+# Output: mean of 24 corners under three perspectives: (0.50, 0.50) px off in 4.12.0, (0.00, 0.00) within 0.03 in
+#   5.0.0.
+# Matters: a calibration by ChArUco puts the principal point half a pixel off with residuals as small as ever; only a
+#   comparison with chessboards, COLMAP or rendered masks shows it. Calibrations of the two versions must not be mixed
+#   in one rig.
 set -euo pipefail
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT

@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
 # OpenCV 4.12.0 and 5.0.0: in a video of variable rate, set(CAP_PROP_POS_FRAMES, k) goes to another frame than the k-th.
 #
-# Expected: the property is the "0-based index of the frame to be decoded next". Reading one by one gives all frames, and
-#   CAP_PROP_FRAME_COUNT counts them rightly.
+# Expected: the property is the "0-based index of the frame to be decoded next". Reading one by one gives all frames,
+#   and CAP_PROP_FRAME_COUNT counts them rightly.
 # Seen: the index is turned into a time by the mean rate, so after the rate has changed it is another frame, and near
 #   the end there is none. get(CAP_PROP_POS_FRAMES) shows the index that was asked for.
 # Output: 120 frames, 60 at 30 a second and 60 at 15: for 60 comes 70, for 90 comes 108, for 119 none.

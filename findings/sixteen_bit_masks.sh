@@ -5,10 +5,10 @@
 #   rule), or leaves labels alone, or refuses; and two libraries agree.
 # Seen: OpenCV's imread() drops the low byte, Pillow's convert("L") and convert("RGB") cut at 255. Neither warns.
 #   imageio with mode="L" does as Pillow.
-# Output: alpha 0 128 16384 32768 65535 becomes 0 0 64 128 255 in OpenCV and 0 128 255 255 255 in Pillow; labels
-#   0 1 2 24 become 0 0 0 0 in OpenCV and stay in Pillow.
-# Matters: mattes of 16 bits become hard silhouettes, one pixel wider all around, or label images of people and clothes
-#   become empty masks. Both look like a bad mask, not like a reader's fault.
+# Output: alpha 0 128 16384 32768 65535 becomes 0 0 64 128 255 in OpenCV and 0 128 255 255 255 in Pillow; labels 0 1 2
+#   24 become 0 0 0 0 in OpenCV and stay in Pillow.
+# Matters: mattes of 16 bits become hard silhouettes, one pixel wider all around, or label images of people and
+#   clothes become empty masks. Both look like a bad mask, not like a reader's fault.
 set -euo pipefail
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT

@@ -1,10 +1,10 @@
 #!/usr/bin/env bash
 # spz 0.0.1 (PyPI): the package cannot be imported, and what is inside it refuses the format's current version.
 #
-# Expected: `pip install spz` and `import spz`, as the package's page shows; and reading of SPZ 4, which nianticlabs/spz has
-#   written by default since spring 2026.
-# Seen: the wheel's __init__.py imports a name from itself before it exists. Loaded past it, its compiled part reads versions 2
-#   and 3, and fails for 4. It has a wheel for Python 3.13 alone; elsewhere pip builds it from Rust sources.
+# Expected: `pip install spz` and `import spz`, as the package's page shows; and reading of SPZ 4, which
+#   nianticlabs/spz has written by default since spring 2026.
+# Seen: the wheel's __init__.py imports a name from itself before it exists. Loaded past it, its compiled part reads
+#   versions 2 and 3, and fails for 4. It has a wheel for Python 3.13 alone; elsewhere pip builds it from Rust sources.
 # Output: ImportError: cannot import name 'BoundingBox' from partially initialized module 'spz'.
 # Matters: the name looks like the format's own library. gsply and GaussForge read and write SPZ from Python.
 # It needs Python 3.13.

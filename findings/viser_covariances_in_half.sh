@@ -1,12 +1,12 @@
 #!/usr/bin/env bash
 # viser 1.1.1: Gaussians finer than 0.17 mm vanish, flat ones of millimetres get impossible covariances.
 #
-# Expected: add_gaussian_splats() takes float covariances ("second moment for each Gaussian") in metres, and shows them
-#   with the precision of a screen.
-# Seen: the six numbers are sent as half floats, whose smallest step is 6e-8. A covariance is a length squared,
-#   so in metres that is a sigma of 0.24 mm, and what is below 0.17 mm becomes 0. The entries of a turned flat
-#   Gaussian are rounded one by one, so many are no covariance any more (a negative eigenvalue). From 256
-#   on (a scene in millimetres) they are infinite. There is no option for more bits, and no word in the page.
+# Expected: add_gaussian_splats() takes float covariances ("second moment for each Gaussian") in metres, and shows
+#   them with the precision of a screen.
+# Seen: the six numbers are sent as half floats, whose smallest step is 6e-8. A covariance is a length squared, so in
+#   metres that is a sigma of 0.24 mm, and what is below 0.17 mm becomes 0. The entries of a turned flat Gaussian are
+#   rounded one by one, so many are no covariance any more (a negative eigenvalue). From 256 on (a scene in millimetres)
+#   they are infinite. There is no option for more bits, and no word in the page.
 # Output: sigma 1 mm is kept within 1 %, 0.2 mm becomes 0.244 mm, 0.17 mm becomes 0; of 1,000 turned Gaussians with
 #   sigmas of 3, 1 and 0.1 mm 337 have a negative eigenvalue.
 # Matters: avatars are made of Gaussians of just that size; hair and skin get spikes or holes that the trained model
