@@ -1,12 +1,13 @@
 #!/usr/bin/env bash
 # bvhio 1.5.4: a BVH that goes through its hierarchy loses all End Sites.
 #
-# Expected: readAsHierarchy() and writeHierarchy() are the pair that the library offers for changing motions; a
-#   figure that is not touched keeps its shape. The OFFSET of an End Site is the last bone: hand, foot, head.
+# Expected: readAsHierarchy() and writeHierarchy() are the pair that the library offers for changing motions; a figure
+#   that is not touched keeps its shape. The OFFSET of an End Site is the last bone: hand, foot, head.
 # Seen: the offset is not kept. What is written is 0.3 times the length of the bone before, in that bone's direction,
 #   whatever the file said. readAsBvh() and writeBvh() keep it.
 # Output: End Sites (20, 0, 0), (0, -7, 0) and (0, 0.1, 0) behind a bone of (10, 0, 0) all come back as (3, 0, 0).
-# Matters: in BVH without fingers the End Site is all there is to say where a hand or a foot points, and how long it is.
+# Matters: in BVH without fingers the End Site is all there is to say where a hand or a foot points, and how long it
+#   is.
 set -euo pipefail
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT

@@ -1,21 +1,22 @@
 #!/usr/bin/env bash
 # OpenCV 5.0.0 and pycocotools 2.0.11: a mask saved as a COCO polygon of its contour loses a row and a column.
 #
-# Expected: mask to polygon (findContours) to mask (frPyObjects, decode) is the way that most annotation scripts go, and
-#   gives the mask back.
+# Expected: mask to polygon (findContours) to mask (frPyObjects, decode) is the way that most annotation scripts go,
+#   and gives the mask back.
 # Seen: OpenCV's contour goes through the *centres* of the outermost pixels, counted from 0, and COCO's polygons are
-#   outlines in coordinates whose pixel 0 spans 0 to 1. So the mask shrinks by one pixel at its right and lower
-#   edge. The other way, fillPoly() of a COCO outline gains a row and a column.
-# Output: 10 x 10 pixels become 9 x 9; a limb of 2 x 30 pixels becomes 1 x 29; fillPoly() of the outline of 10 x 10 gives
-#   11 x 11.
-# Matters: a pixel is much of a wrist or a finger in a picture of a whole person, and it is always missing on the
-#   same side, so silhouettes pull the body up and left.
+#   outlines in coordinates whose pixel 0 spans 0 to 1. So the mask shrinks by one pixel at its right and lower edge.
+#   The other way, fillPoly() of a COCO outline gains a row and a column.
+# Output: 10 x 10 pixels become 9 x 9; a limb of 2 x 30 pixels becomes 1 x 29; fillPoly() of the outline of 10 x 10
+#   gives 11 x 11.
+# Matters: a pixel is much of a wrist or a finger in a picture of a whole person, and it is always missing on the same
+#   side, so silhouettes pull the body up and left.
 set -euo pipefail
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 cd "$work"
 "${PYTHON:-python3}" -m venv venv
-venv/bin/pip install --quiet --disable-pip-version-check opencv-python-headless==5.0.0.93 pycocotools==2.0.11 numpy==2.4.6
+venv/bin/pip install --quiet --disable-pip-version-check \
+    opencv-python-headless==5.0.0.93 pycocotools==2.0.11 numpy==2.4.6
 venv/bin/python - <<'PY'
 import sys
 

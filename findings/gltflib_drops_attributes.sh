@@ -3,9 +3,10 @@
 #
 # Expected: glTF 2.0 (section 3.7.2.1) has sets JOINTS_n, WEIGHTS_n, TEXCOORD_n, COLOR_n for any n and custom names
 #   that begin with an underscore, and extensions add their own. A library that loads and saves keeps them.
-# Seen: what is not POSITION, NORMAL, TANGENT, TEXCOORD_0, TEXCOORD_1, COLOR_0, JOINTS_0 or WEIGHTS_0 is gone, without a
-#   word. Accessors, buffers, the primitive's extensions and extensionsUsed stay, so nothing looks amiss.
-# Output: of JOINTS_0/1, WEIGHTS_0/1, _REGION and KHR_gaussian_splatting:ROTATION only JOINTS_0 and WEIGHTS_0 come back.
+# Seen: what is not POSITION, NORMAL, TANGENT, TEXCOORD_0, TEXCOORD_1, COLOR_0, JOINTS_0 or WEIGHTS_0 is gone, without
+#   a word. Accessors, buffers, the primitive's extensions and extensionsUsed stay, so nothing looks amiss.
+# Output: of JOINTS_0/1, WEIGHTS_0/1, _REGION and KHR_gaussian_splatting:ROTATION only JOINTS_0 and WEIGHTS_0 come
+#   back.
 # Matters: bodies with more than four bones a vertex keep weights that no longer sum to 1; Gaussians become bare
 #   points that still claim the extension.
 set -euo pipefail

@@ -1,12 +1,12 @@
 #!/usr/bin/env bash
 # numpy-quaternion 2024.0.13: the mean of rotations hangs on the signs of their quaternions.
 #
-# Expected: q and -q are one rotation. mean_rotor_in_chordal_metric() returns the "rotor that is closest to all R", and
-#   scipy's Rotation.mean(), which minimises the same distance, gives one answer for either sign.
+# Expected: q and -q are one rotation. mean_rotor_in_chordal_metric() returns the "rotor that is closest to all R",
+#   and scipy's Rotation.mean(), which minimises the same distance, gives one answer for either sign.
 # Seen: the components are added as they are and normalised. With one sign changed the mean of two near rotations is
 #   nearly opposite to both; of q and -q it is NaN.
-# Output: turns of 0.1 and 0.3 about z have the mean 0.2; with the second quaternion negated it is -2.9416
-#   (0.2 less half a turn).
+# Output: turns of 0.1 and 0.3 about z have the mean 0.2; with the second quaternion negated it is -2.9416 (0.2 less
+#   half a turn).
 # Matters: quaternions from trackers, from matrices and from files have either sign; averaging skinning rotations or
 #   camera orientations with it works until one of them crosses over.
 set -euo pipefail

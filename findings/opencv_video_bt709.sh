@@ -1,10 +1,11 @@
 #!/usr/bin/env bash
-# OpenCV 4.12.0: VideoCapture gives other colours for HD video than OpenCV 5.0.0, PyAV and ffmpeg do.
+# OpenCV 4.12.0: VideoCapture gives other colours for HD video than 5.0.0, PyAV and ffmpeg do.
 #
-# Expected: a video's stream says by which matrix its luma and chroma come from RGB (H.264's matrix_coefficients, which
-#   every HD camera and phone sets to BT.709), and a decoder undoes that matrix.
-# Seen: OpenCV 4.12.0 undoes BT.601 whatever the stream says. 5.0.0 heeds it.
-# Output: a green of (0, 200, 0) comes as (15, 234, 5) from 4.12.0 and as (0, 199, 0) from 5.0.0, PyAV 18.1.0 and ffmpeg.
+# Expected: a video's stream says by which matrix its luma and chroma come from RGB (H.264's matrix_coefficients,
+#   which is BT.709 for nearly all HD cameras and phones), and a decoder undoes that matrix.
+# Seen: OpenCV 4.12.0 undoes BT.601 whatever the stream says. 5.0.0 heeds it (so does 4.13.0).
+# Output: a green of (0, 200, 0) comes as (15, 234, 5) from 4.12.0 and as (0, 199, 0) from 5.0.0, PyAV 18.1.0 and
+#   ffmpeg.
 # Matters: up to 34 of 255 in a channel. Frames taken by two programs, or before and after an update, do not fit
 #   together: a second camera, a mask's colour threshold or an avatar's test set is off by more than it is trained to.
 set -euo pipefail

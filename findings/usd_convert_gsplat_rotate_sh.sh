@@ -5,10 +5,10 @@
 #   180,0,0 for COLMAP Y-down data". The numbers are baked, so colours that depend on the view must be turned with them:
 #   under a half turn about x the first band's y and z coefficients change sign.
 # Seen: positions and orientations are turned, every coefficient is written as it was, at exit status 0.
-# Output: position (1, 2, 3) becomes (1, -2, -3); the first band stays (0.1, 0.4, 0.7) (0.2, 0.5, 0.8)
-#   (0.3, 0.6, 0.9), where (-0.1, -0.4, -0.7) (-0.2, -0.5, -0.8) (0.3, 0.6, 0.9) is right.
-# Matters: nearly every PLY needs this turn to stand upright in USD's y-up stage, and every one of them that has
-#   bands then reflects light from below. An xform above the prim does it rightly.
+# Output: position (1, 2, 3) becomes (1, -2, -3); the first band stays (0.1, 0.4, 0.7) (0.2, 0.5, 0.8) (0.3, 0.6,
+#   0.9), where (-0.1, -0.4, -0.7) (-0.2, -0.5, -0.8) (0.3, 0.6, 0.9) is right.
+# Matters: nearly every PLY needs this turn to stand upright in USD's y-up stage, and every one of them that has bands
+#   then reflects light from below. An xform above the prim does it rightly.
 set -euo pipefail
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT

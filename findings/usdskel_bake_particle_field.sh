@@ -1,12 +1,13 @@
 #!/usr/bin/env bash
-# OpenUSD 26.11 (usd-core): UsdSkel.BakeSkinning() lists a Gaussian field as a target, answers True, and leaves it unposed.
+# OpenUSD 26.11 (usd-core): UsdSkel.BakeSkinning() on a Gaussian field answers True, and leaves it unposed.
 #
 # Expected: a prim with UsdSkelBindingAPI below a SkelRoot is deformed by its skeleton, and BakeSkinning() returns
-#   whether all was baked. ParticleField3DGaussianSplat takes the API and the primvars like any other prim, and
-#   the cache counts it among the binding's skinning targets.
+#   whether all was baked. ParticleField3DGaussianSplat takes the API and the primvars like any other prim, and the
+#   cache counts it among the binding's skinning targets.
 # Seen: `points` of a Points prim are posed; `positions` and `orientations` of the field beside it, bound alike, stay,
 #   without an error or a warning; the answer is True for both.
-# Output: bone turned by 90 degrees about z and raised by 5: Points (0, 5, 0) (0, 6, 0), the field (0, 0, 0) (1, 0, 0).
+# Output: bone turned by 90 degrees about z and raised by 5: Points (0, 5, 0) (0, 6, 0), the field (0, 0, 0) (1, 0,
+#   0).
 # Matters: animatable Gaussians can be bound in USD and look bound in every tool; the pose must be written as time
 #   samples of positions, orientations and coefficients.
 set -euo pipefail

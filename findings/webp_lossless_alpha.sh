@@ -1,13 +1,13 @@
 #!/usr/bin/env bash
 # Pillow 13.0.0, imageio 2.38.1 and OpenCV 5.0.0: lossless WebP loses the colours of transparent pixels.
 #
-# Expected: lossless means that the pixels come back, as they do from PNG. Pillow's `lossless=True` and OpenCV's quality
-#   above 100 are documented as lossless compression.
-# Seen: libwebp sets the colours of pixels with alpha 0 to black, unless its `exact` is set, which none of the
-#   three does by itself. Pillow takes `exact=True`.
+# Expected: lossless means that the pixels come back, as they do from PNG. Pillow's `lossless=True` and OpenCV's
+#   quality above 100 are documented as lossless compression.
+# Seen: libwebp sets the colours of pixels with alpha 0 to black, unless its `exact` is set, which none of the three
+#   does by itself. Pillow takes `exact=True`.
 # Output: of 32 pixels with alpha 0 none keeps its colour; all 32 with alpha above 0 do. With exact=True all 64 do.
-# Matters: SOG stores Gaussians in WebP planes whose alpha is data (opacity, in the plane of the colours' indices), and
-#   matted photographs have colour under their alpha that filters at the edge need.
+# Matters: SOG stores Gaussians in WebP planes whose alpha is data (opacity, in the plane of the colours' indices),
+#   and matted photographs have colour under their alpha that filters at the edge need.
 set -euo pipefail
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
