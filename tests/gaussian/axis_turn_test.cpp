@@ -24,7 +24,7 @@ GaussianCloud<double> cloud_to_turn(std::size_t count, int degree) {
     return cloud;
 }
 
-mat3<double> covariance_of(const GaussianCloud<double>& cloud, std::size_t i) {
+mat3<double> stored_covariance(const GaussianCloud<double>& cloud, std::size_t i) {
     const mat3<double> F = covariance_factor(cloud.quats[i], cloud.log_scales[i]);
     return F * transpose(F);
 }
@@ -43,7 +43,7 @@ void check_turned(const mat3<double>& A) {
     test::Rng rng(9);
     for (std::size_t i = 0; i < 10; ++i) {
         CHECK(length(turned.means[i] - A * cloud.means[i]) < 1e-14);
-        CHECK(difference(covariance_of(turned, i), A * covariance_of(cloud, i) * transpose(A)) < 1e-13);
+        CHECK(difference(stored_covariance(turned, i), A * stored_covariance(cloud, i) * transpose(A)) < 1e-13);
         // What was seen along d is seen along A d, also in a mirror.
         const vec3<double> d = normalize(rng.vec());
         CHECK(length(SHEval<4>::forward(turned.sh.data() + 25 * i, A * d) -
