@@ -39,18 +39,18 @@ TEST_CASE("progress_line never exceeds its width, and never cuts a character in 
             CAPTURE(width);
             CAPTURE(line);
             CHECK(columns_of(line) <= width);
-            std::size_t missing = 0; // bytes that the last character still lacks
+            std::size_t lacking = 0; // bytes that the last character still lacks
             for (const char c : line) {
                 const auto byte = static_cast<unsigned char>(c);
-                if (missing > 0) {
+                if (lacking > 0) {
                     CHECK((byte & 0xC0) == 0x80);
-                    --missing;
+                    --lacking;
                 } else {
                     CHECK((byte & 0xC0) != 0x80);
-                    missing = byte >= 0xE0 ? 2 : byte >= 0xC0 ? 1 : 0;
+                    lacking = byte >= 0xE0 ? 2 : byte >= 0xC0 ? 1 : 0;
                 }
             }
-            CHECK(missing == 0);
+            CHECK(lacking == 0);
         }
 }
 
