@@ -164,7 +164,7 @@ std::vector<Sample> write_samples(const fs::path& folder) {
     const auto cameras = list.cameras;
     add("priors.json", [cameras](const fs::path& file) { (void)read_prior_views(file, cameras, 3); });
     std::string points;
-    for (int i = 0; i < 51; ++i) points += (i ? "," : "") + std::to_string(i % 3 == 2 ? 1 : i);
+    for (int i = 0; i < 51; ++i) points += (i ? "," : "") + std::to_string(i % 3 == 2 ? 1 : 1 + i % 14);
     write_file(
         at("keypoints.json"),
         R"({"images": [{"id": 1, "file_name": "cam00/0001.png"}], "annotations": [{"image_id": 1, "keypoints": [)" +

@@ -119,5 +119,6 @@ TEST_CASE_FIXTURE(Yaml, "what does not fit is refused with file and key") {
     refuse("v: 3\n", {"v has no data"});
     refuse("v: [1]\nv: [2]\n", {"v occurs twice"});
     refuse("w: [1]\n", {"v is missing"});
-    refuse("PK\x03\x04 no text\n", {"a.yml: 'PK?? no text' is not KEY: VALUE"});
+    refuse("PK\x03\x04 no text\n", {"a.yml: is a zip archive"});
+    refuse("\x01\x02 no text\n", {"a.yml: '?? no text' is not KEY: VALUE"});
 }

@@ -46,10 +46,7 @@ TEST_CASE("images of other formats are named by their first bytes, with the way 
     test::check_throws<IoError>([&] { (void)read_image(folder / "a.jpg"); }, {"an MP4 video", "ffmpeg"});
     write_file(folder / "a.jpg", "version https://git-lfs.github.com/spec/v1\noid sha256:12\n");
     test::check_throws<IoError>([&] { (void)read_image(folder / "a.jpg"); }, {"a pointer of Git LFS", "git lfs pull"});
-    for (const char* other : {"R", "RIFF", "MMxx",
-                              "\0\0\0\x18"
-                              "ftyp",
-                              "text"}) {
+    for (const char* other : {"R", "RIFF", "MMxx", "text"}) {
         write_file(folder / "a.jpg", other);
         test::check_throws<IoError>([&] { (void)read_image(folder / "a.jpg"); }, {"is not a PNG or JPEG image"});
     }

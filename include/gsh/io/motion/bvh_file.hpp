@@ -65,6 +65,9 @@ public:
             throw IoError(lines_.name() + ": 'Frame Time:' states " + number_text(step_) +
                           " s, expected the seconds from one frame to the next; correct it, or state the rate "
                           "(--input-fps)");
+        if (!(rates.input > 0) && step_ > 1)
+            warn("'Frame Time:' states " + number_text(step_) +
+                 " s from frame to frame; is it in milliseconds, or the number of frames a second?");
         StatedTime stated;
         if (step_ != 0) stated.rate = 1 / step_, stated.name = lines_.name() + ": 1 / 'Frame Time:'";
         rig_.timestamps = frame_times(frame_count_, stated, rates, lines_.name(), warnings_);
@@ -228,9 +231,6 @@ private:
             lines_.fail("is not 'Frame Time: SECONDS'");
         const double step = lines_.numbers(line.substr(colon + 1), 1)[0];
         if (step < 0) lines_.fail("states a frame time of " + number_text(step) + " s, expected more than 0");
-        if (step > 1)
-            warn("'Frame Time:' states " + number_text(step) +
-                 " s from frame to frame; is it in milliseconds, or the number of frames a second?");
         return step;
     }
 
