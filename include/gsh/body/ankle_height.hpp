@@ -33,9 +33,9 @@ namespace gsh {
 [[nodiscard]] inline double ankle_height(const std::vector<vec3<double>>& vertices,
                                          const std::vector<vec3<double>>& joints, const MatchedJoints& matched);
 
-/// What is to be added to a body's heights so that it stands on its soles where the rig stands: its ankles, at their
-/// median, are then `own_ankle` above the ground in the frames in which the rig's lower ankle is within 3 % of the leg of
-/// `rig_ankle`. Where these are fewer than five, legs of the same pose are assumed instead.
+/// What is to be added to a body's heights so that it stands on its soles where the rig stands. Its ankles, at their
+/// median, are then `own_ankle` above the ground in the frames in which the rig's lower ankle is at `rig_ankle`, within
+/// 3 % of the leg. Where these are fewer than five, legs of the same pose are assumed instead.
 ///
 /// Shapes  body_lower [T]: heights of the body's lower ankle, which are about `scale` times those of the rig's.
 [[nodiscard]] inline double ground_raise(const RigMotion& rig, const MatchedJoints& matched, double leg,
