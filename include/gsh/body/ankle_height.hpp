@@ -33,9 +33,9 @@ namespace gsh {
 [[nodiscard]] inline double ankle_height(const std::vector<vec3<double>>& vertices,
                                          const std::vector<vec3<double>>& joints, const MatchedJoints& matched);
 
-/// What is to be added to a body's heights so that it stands on its soles where the rig stands: its ankles, at their
-/// median, are then `own_ankle` above the ground in the frames in which the rig's lower ankle is within 3 % of the leg of
-/// `rig_ankle`.
+/// What is to be added to a body's heights so that it stands on its soles where the rig stands. Its ankles, at their
+/// median, are then `own_ankle` above the ground in the frames in which the rig's lower ankle is at `rig_ankle`, within
+/// 3 % of the leg. Where these are fewer than five, legs of the same pose are assumed instead.
 ///
 /// Shapes  body_lower [T]: heights of the body's lower ankle, which are about `scale` times those of the rig's.
 [[nodiscard]] inline double ground_raise(const RigMotion& rig, const MatchedJoints& matched, double leg,
@@ -99,7 +99,7 @@ inline double ground_raise(const RigMotion& rig, const MatchedJoints& matched, d
     for (std::size_t t = 0; t < rig.frame_count(); ++t)
         if (std::abs(std::min(rig.joint(t, left).y, rig.joint(t, right).y) - rig_ankle) < 0.03 * leg)
             standing.push_back(body_lower[t]);
-    if (standing.empty()) return own_ankle - scale * rig_ankle;
+    if (standing.size() < 5) return own_ankle - scale * rig_ankle; // a pose or two may be anything
     const auto median = standing.begin() + static_cast<std::ptrdiff_t>(standing.size() / 2);
     std::nth_element(standing.begin(), median, standing.end());
     return own_ankle - *median;
