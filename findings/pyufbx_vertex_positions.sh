@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
 # pyufbx 0.0.7: vertices of an FBX are the halves of other numbers.
 #
-# Expected: mesh.vertex_positions, "vertex positions as numpy array (N, 3)", gives the file's vertices. ufbx, the library
-#   beneath, keeps reals as doubles unless it is built otherwise.
+# Expected: mesh.vertex_positions, "vertex positions as numpy array (N, 3)", gives the file's vertices. ufbx, the
+#   library beneath, keeps reals as doubles unless it is built otherwise.
 # Seen: the doubles are handed out as twice as many floats, of which the first N x 3 are taken. Counts, indices, names
 #   and transforms of nodes are right, so a body seems to be there.
 # Output: vertices (0, 0, 0) (1, 0, 0) (0, 2, 3) are given as (0, 0, 0) (0, 0, 0) (0, 1.875, 0): 1.875 is what the upper
