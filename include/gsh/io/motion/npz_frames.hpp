@@ -5,7 +5,9 @@
 #include <gsh/body/body_model.hpp>
 #include <gsh/body/motion.hpp>
 #include <gsh/core/error.hpp>
+#include <gsh/io/file/folder_list.hpp>
 #include <gsh/io/file/npz.hpp>
+#include <gsh/io/motion/frame_rate.hpp>
 #include <gsh/io/motion/motion_file.hpp>
 #include <gsh/io/motion/motion_table.hpp>
 
@@ -37,7 +39,7 @@ struct NpzFrame {
 /// length 1. All files must have the arrays of the first one. Shapes are averaged over the frames.
 ///
 /// Frame   that of the estimator, usually the camera's: x right, y down, z forward.
-/// Units   timestamps are NUMBER / fps (30 by default). Hands are relative to the mean hand unless flat_hand or options
+/// Units   timestamps are NUMBER / fps (30 without options.fps, with a warning). Hands are relative to the mean hand unless flat_hand or options
 ///         specify otherwise.
 /// Errors  IoError, ShapeError, ValueError naming file and key; also for files that hold several frames each.
 [[nodiscard]] inline Motion load_npz_frames(const std::filesystem::path& folder, const BodyModel& model,
@@ -48,11 +50,11 @@ struct NpzFrame {
 
 inline std::vector<NpzFrame> npz_frames(const std::filesystem::path& folder) {
     std::vector<NpzFrame> frames;
-    std::error_code error;
-    for (const auto& entry : std::filesystem::directory_iterator(folder, error)) {
-        const std::filesystem::path& path = entry.path();
+    std::error_code ignored;
+    if (!std::filesystem::is_directory(folder, ignored)) return frames;
+    for (const std::filesystem::path& path : list_folder(folder)) {
         const std::string stem = path.stem().string();
-        if (path.extension() != ".npz" || stem.starts_with('.')) continue;
+        if (path.extension() != ".npz") continue;
         constexpr const char* digits = "0123456789";
         const std::size_t first = stem.find_first_of(digits);
         if (first == std::string::npos) continue;
@@ -104,13 +106,12 @@ struct NpzColumn {
 inline Motion load_npz_frames(const std::filesystem::path& folder, const BodyModel& model,
                               const MotionFileOptions& options, std::vector<std::string>* warnings) {
     const std::vector<NpzFrame> frames = detail::npz_frames_of(folder, options.person);
-    const double fps = options.fps > 0 ? options.fps : 30;
     std::vector<detail::NpzColumn> columns;
-    std::vector<double> timestamps, betas;
+    std::vector<double> numbers, betas;
     MotionTable table(folder);
     for (const NpzFrame& frame : frames) {
         const NpzReader file(frame.path);
-        if (timestamps.empty()) {
+        if (numbers.empty()) {
             for (const auto& [key, width] : {std::pair<const char*, std::size_t>{"global_orient", 3},
                                              {"body_pose", 0},
                                              {"jaw_pose", 3},
@@ -136,10 +137,10 @@ inline Motion load_npz_frames(const std::filesystem::path& folder, const BodyMod
                 throw ShapeError(file.name_of(column.key) + " has shape " + detail::shape_text(array.shape) +
                                  ", expected " + std::to_string(column.width) +
                                  " numbers: one frame in each file of the folder" +
-                                 (timestamps.empty() ? "; to read a file with all frames, give its name" : ""));
+                                 (numbers.empty() ? "; to read a file with all frames, give its name" : ""));
             column.numbers.insert(column.numbers.end(), array.data.begin(), array.data.end());
         }
-        timestamps.push_back(static_cast<double>(frame.number) / fps);
+        numbers.push_back(static_cast<double>(frame.number));
     }
     for (detail::NpzColumn& column : columns) {
         if (column.key == std::string_view("betas")) {
@@ -155,7 +156,7 @@ inline Motion load_npz_frames(const std::filesystem::path& folder, const BodyMod
         if (warnings) warnings->push_back(folder.string() + ": betas are missing, the body's mean shape is taken");
     }
     table.add("betas", "betas", betas, {betas.size()});
-    table.add("timestamps", "timestamps", std::move(timestamps), {frames.size()});
+    table.add(detail::frame_numbers_key, "the numbers of its files", std::move(numbers), {frames.size()});
     return detail::MotionReader<MotionTable>(std::move(table), model, options, warnings).read();
 }
 
