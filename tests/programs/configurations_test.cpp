@@ -320,8 +320,7 @@ TEST_CASE("a run with keypoints and a doubted frame resumes with the same bits, 
     CHECK(registration.at("doubtful_frames") == std::vector<std::size_t>{SpoiltTurn::wrong_frame});
     for (std::size_t t = 0; t < 6; ++t)
         CHECK((registration.at("frame_weights").at(t) < 0.25) == (t == SpoiltTurn::wrong_frame));
-    check_refused(reconstruct(parts, {"--refine", "--steps", "60", "--resume"}, scene.path), "gsh-reconstruct",
-                  {"checkpoint.gsh", "keypoints"});
+    check_finished(reconstruct(parts, {"--resume"}, scene.path)); // keypoints and steps are those of the checkpoint
     // Keypoints that were found in images of half the size, or are scaled to 0…1.
     for (const double scale : {0.5, 1.0 / 32}) { // the second after the first
         for (const auto& file : list_files_below(scene.path / "keypoints")) {

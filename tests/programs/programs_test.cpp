@@ -99,6 +99,11 @@ TEST_CASE("a reconstruction leaves all that was promised") {
     }
     const std::string page = read_file(s.out / "report.html");
     CHECK(page.find("http") == std::string::npos);
+    // A verdict and pictures come before figures; then what to do next.
+    CHECK(page.find("class=\"verdict\"") < page.find("class=\"wiper\""));
+    CHECK(page.find("class=\"wiper\"") < page.find("The avatar from all around"));
+    CHECK(page.find("gsh-view " + (s.out / "avatar.gsh").string() + " --open") < page.find("<h2>Figures</h2>"));
+    CHECK(metrics.at("verdict").get<std::string>().find(": ") != std::string::npos);
     CHECK(page.find("src=\"data:image/png;base64,") != std::string::npos);
     CHECK(page.find("<th>Backend</th><td>threads</td>") != std::string::npos);
     CHECK(page.find("over steps</figcaption></figure>") != std::string::npos); // a single sample gives no curve
@@ -171,7 +176,8 @@ TEST_CASE("a signal in the middle loses nothing that a checkpoint keeps") {
     const OutFolder whole, parts, terminated;
     check_done(run(s.reconstruct(whole.path, {"--steps", "60"})));
     interrupt(parts, "60", SIGINT);
-    check_done(run(s.reconstruct(parts.path, {"--steps", "60", "--resume"})));
+    // Capture, body, steps and all else are in the checkpoint.
+    check_done(run({"gsh-reconstruct", "--out", parts.path.string(), "--resume"}));
     CHECK(same_file(parts.path / "avatar.gsh", whole.path / "avatar.gsh"));
     CHECK(same_file(parts.path / "avatar.ply", whole.path / "avatar.ply"));
     CHECK(json_of(parts.path / "metrics.json").at("steps") == 60);
@@ -244,9 +250,11 @@ TEST_CASE("a checkpoint belongs to one training alone") {
     check_refused(run(fewer), "gsh-reconstruct", {"checkpoint.gsh", "gaussians = 400"});
     const OutFolder paper; // of a run with another configuration than the default
     check_done(run(s.reconstruct(paper.path, {"--config", "paper", "--steps", "2"})));
-    check_refused(run(s.reconstruct(paper.path, {"--steps", "4", "--resume"})), "gsh-reconstruct",
+    check_refused(run(s.reconstruct(paper.path, {"--config", "light", "--steps", "4", "--resume"})), "gsh-reconstruct",
                   {"checkpoint.gsh", "a different run",
                    "'sh_start = 0' where this run has 'sh_start = 0.3'", "--config"});
+    check_done(run(s.reconstruct(paper.path, {"--steps", "4", "--resume"}))); // with the checkpoint's configuration
+    CHECK(json_of(paper.path / "metrics.json").at("configuration").get<std::string>().starts_with("paper"));
     check_done(run(s.reconstruct(paper.path, {"--config", "paper", "--steps", "4", "--resume"})));
     check_done(resume({"--config", std::string(default_configuration), "--steps", "2"})); // named, it is the same
     CHECK(read_file(out.path / "avatar.gsh") == avatar);
