@@ -98,7 +98,7 @@ int main(int argc, char** argv) {
     CLI::App app("Reconstructs an animatable avatar from a capture.", "gsh-reconstruct");
     add_options(app, options);
     return run_program(app, argc, argv, [&] {
-        if (options.resume)
+        if (options.resume && !is_scene(options)) // check_options refuses that
             if (const std::string earlier = checkpoint_options(options); !earlier.empty())
                 restore_options(app, earlier, checkpoint_path(options).string(), {"--steps", "--seconds"});
         options.given = given_options(app, {"--help", "--out", "--resume"});

@@ -216,7 +216,7 @@ TEST_CASE("gsh-export writes a page that draws what gsh-animate renders, without
     script = test::filled_in(script, "INFLATES", base64(read_file(folder / "inflates.npz")));
     test::PageReports reports;
     drive_page(folder / "page.html", test::filled_in(script, "MEASURES", measured ? "true" : "false"), reports);
-    CHECK(reports.checks().size() == 20);
+    CHECK(reports.checks().size() == 24);
 
     cpu::Threads backend(2);
     ViewPainter painter(backend, scene);

@@ -33,7 +33,7 @@ Verdict verdict_of(const VerdictInput& input) {
         add("Poses were taken as they are. If they are estimates, --refine fits them to the photographs; wrong poses "
             "are the most frequent reason for a soft avatar. gsh-check shows whether they agree.");
     if (!is_good && input.steps < 1500)
-        add("Training was short, " + std::to_string(input.steps) + " steps. The default is 3000; --resume continues.");
+        add("Training was short, " + std::to_string(input.steps) + " steps. Continue with --resume --steps 3000.");
     if (!input.doubtful_frames.empty())
         add("Frames " + frames_text(input.doubtful_frames) +
             " fit their photographs much worse than the others and hardly counted. Look at their poses and masks.");

@@ -129,7 +129,8 @@ inline ForeignKind kind_by_signature(std::string_view head) {
     static constexpr std::string_view unpack = "unpack it", no_way = "";
     static constexpr std::string_view video =
         "extract its frames, for instance with ffmpeg -i VIDEO %04d.png (docs/captures.md, Step by step)";
-    static constexpr std::string_view image = "convert it to PNG, for instance with ImageMagick: mogrify -format png FILES";
+    static constexpr std::string_view image =
+        "convert it to PNG, for instance with ImageMagick: mogrify -format png FILES";
     static constexpr Signature signatures[] = {
         {"\x89HDF\r\n\x1a\n"sv, "an HDF5 file", python_page},
         {"MATLAB 5.0 MAT-file"sv, "a MATLAB file (.mat, version 5)", python_page},

@@ -39,8 +39,8 @@ struct NpzFrame {
 /// length 1. All files must have the arrays of the first one. Shapes are averaged over the frames.
 ///
 /// Frame   that of the estimator, usually the camera's: x right, y down, z forward.
-/// Units   timestamps are NUMBER / fps (30 without options.fps, with a warning). Hands are relative to the mean hand unless flat_hand or options
-///         specify otherwise.
+/// Units   timestamps are NUMBER / fps (30 without options.fps, with a warning). Hands are relative to the mean hand
+///         unless flat_hand or options specify otherwise.
 /// Errors  IoError, ShapeError, ValueError naming file and key; also for files that hold several frames each.
 [[nodiscard]] inline Motion load_npz_frames(const std::filesystem::path& folder, const BodyModel& model,
                                             const MotionFileOptions& options = {},

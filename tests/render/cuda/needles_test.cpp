@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Needles on a GPU, against the dense renderer; their adjoint beside that of cpu::Serial.
+/// @file  Needles on the emulation of a GPU, against the dense renderer; their adjoint beside that of cpu::Serial, whose
+///        vectors nvcc does not compile.
 #include <gsh/backend/cpu/sum.hpp>
 #include <gsh/backend/cuda/device.cuh>
 #include <gsh/backend/cuda/sum.cuh>
