@@ -5,7 +5,7 @@
 #include <doctest/doctest.h>
 
 #include <cstddef>
-#include <set>
+#include <map>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -151,11 +151,13 @@ TEST_CASE("what most names of a rig share is dropped, and nothing that tells joi
 }
 
 TEST_CASE("repeated names are told apart, and mean the same") {
-    std::set<std::string> taken;
+    std::map<std::string, int> taken;
     CHECK(unique_joint_name("Arm", taken) == "Arm");
     CHECK(unique_joint_name("Arm", taken) == "Arm#2");
     CHECK(unique_joint_name("Arm#2", taken) == "Arm#2#2");
     CHECK(unique_joint_name("Arm", taken) == "Arm#3");
+    for (int number = 2; number < 60000; ++number) (void)unique_joint_name("End", taken); // in a moment, not in minutes
+    CHECK(unique_joint_name("End", taken) == "End#59999");
     CHECK(joint_words("LeftArm#12").part == "arm");
     CHECK(joint_words("C#").part == "c");
 }

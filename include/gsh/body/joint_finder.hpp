@@ -289,18 +289,19 @@ private:
             used_[static_cast<std::size_t>(other)] = true; // LeftFoot is the ankle or the toes
         if (joints.size() == 1) return;
         bool helpers = true; // names like __LeftArm above LeftArm, as MakeHuman writes them
-        std::string others;
+        std::vector<int> others;
         for (const int other : joints) {
             if (other == best) continue;
             const bool nested = tree_.is_above(other, best) || tree_.is_above(best, other);
             helpers = helpers && nested && PlainName(name(other)).letters == PlainName(name(best)).letters &&
                       PlainName(name(other)).signs != PlainName(name(best)).signs;
-            others += (others.empty() ? "" : ", ") + quoted(other);
+            others.push_back(other);
         }
+        const std::string named = listing(others.size(), 8, [&](std::size_t i) { return quoted(others[i]); });
         if (is_of_limb(joint) && !helpers)
-            conflicts_.push_back(std::string(joint) + " (" + quoted(best) + ", " + others + ")");
+            conflicts_.push_back(std::string(joint) + " (" + quoted(best) + ", " + named + ")");
         else
-            choices_.push_back(std::string(joint) + " is " + quoted(best) + ", not " + others);
+            choices_.push_back(std::string(joint) + " is " + quoted(best) + ", not " + named);
     }
 
     /// Fewer signs first ("Jaw", "__Jaw"), then names that begin with the side ("LeftEye", "EyeLeft"), then the upper.

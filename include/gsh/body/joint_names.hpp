@@ -11,7 +11,6 @@
 #include <cctype>
 #include <cstddef>
 #include <map>
-#include <set>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -55,8 +54,9 @@ struct JointWords {
 /// Up to `most` names, "and 12 more" after them.
 [[nodiscard]] inline std::string list_of_names(const std::vector<std::string>& names, std::size_t most = 12);
 
-/// `name`, or, if it is taken, `name` with "#2", "#3", … behind it, which joint_words ignores. It is added to `taken`.
-[[nodiscard]] inline std::string unique_joint_name(const std::string& name, std::set<std::string>& taken);
+/// `name`, or, if it is taken, `name` with "#2", "#3", … behind it, which joint_words ignores. It is added to `taken`,
+/// which holds for each name the last number that was given to it, so that many equal names take no quadratic time.
+[[nodiscard]] inline std::string unique_joint_name(const std::string& name, std::map<std::string, int>& taken);
 
 // -------------------------------------------------------------------------------------------------------------
 
@@ -253,9 +253,11 @@ inline std::string list_of_names(const std::vector<std::string>& names, std::siz
     return detail::listed(names, "", most);
 }
 
-inline std::string unique_joint_name(const std::string& name, std::set<std::string>& taken) {
+inline std::string unique_joint_name(const std::string& name, std::map<std::string, int>& taken) {
+    const auto [first, is_new] = taken.emplace(name, 1);
     std::string result = name;
-    for (int number = 2; !taken.insert(result).second; ++number) result = name + "#" + std::to_string(number);
+    for (bool found = is_new; !found; found = taken.emplace(result, 1).second)
+        result = name + "#" + std::to_string(++first->second);
     return result;
 }
 

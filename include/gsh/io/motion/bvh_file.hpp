@@ -24,7 +24,7 @@
 #include <cstddef>
 #include <filesystem>
 #include <numbers>
-#include <set>
+#include <map>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -90,7 +90,7 @@ private:
     std::vector<std::string>* warnings_;
     RigMotion rig_;
     std::vector<Joint> joints_;
-    std::set<std::string> seen_;
+    std::map<std::string, int> seen_;
     std::size_t channel_count_ = 0, frame_count_ = 0;
     double step_ = 0; // seconds from frame to frame; 0 where the file states no time
 

@@ -101,7 +101,8 @@ void GltfJoints::keep_joints(const Moves& moves) {
             keep[static_cast<std::size_t>(parent)] = true;
     numbers_.assign(nodes_.size(), -1);
     joints_.clear(), names_.clear();
-    std::set<std::string> bones, taken;
+    std::set<std::string> bones;
+    std::map<std::string, int> taken;
     for (const auto& [node, name] : humanoid_) bones.insert(name);
     for (const int node : nodes_.order()) {
         if (!keep[static_cast<std::size_t>(node)]) continue;
