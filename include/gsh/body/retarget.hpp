@@ -235,7 +235,7 @@ inline void warn_of_unmatched(const RigMotion& rig, const RetargetPlan& plan, co
     still.insert(still.end(), fingers.begin(), fingers.end());
     for (std::size_t j = 0; j < rig.joint_count(); ++j)
         if (std::find(plan.source.begin(), plan.source.end(), static_cast<int>(j)) == plan.source.end() &&
-            !rig.names[j].ends_with("_end"))
+            !rig.names[j].substr(0, rig.names[j].find('#')).ends_with("_end")) // End Sites of BVH
             unused.push_back(rig.names[j]);
     if (!still.empty())
         options.warnings->push_back(options.where + ": no joint was found for " + list_of_names(still) +

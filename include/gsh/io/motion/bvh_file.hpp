@@ -140,9 +140,7 @@ private:
                 if (joints_.size() == most)
                     lines_.fail("is joint " + std::to_string(most + 1) + ", more than are read");
                 if (open.size() == deepest) lines_.fail("is nested deeper than " + std::to_string(deepest) + " levels");
-                add_joint(end ? unused_name(rig_.names[static_cast<std::size_t>(current)] + "_end")
-                              : name_of(line, word),
-                          current);
+                add_joint(end ? rig_.names[static_cast<std::size_t>(current)] + "_end" : name_of(line, word), current);
                 coming = static_cast<int>(joints_.size()) - 1;
                 if (line.ends_with("{")) open.push_back(std::exchange(coming, -2));
             } else if (word == "{") {
@@ -164,11 +162,6 @@ private:
             }
         }
         lines_.fail_at_end("expected MOTION after the hierarchy");
-    }
-
-    [[nodiscard]] std::string unused_name(std::string name) const {
-        while (seen_.contains(name)) name += "_end";
-        return name;
     }
 
     void read_channels(std::string_view line, Joint& joint) {
