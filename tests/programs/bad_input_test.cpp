@@ -256,7 +256,7 @@ TEST_CASE("captures whose parts do not belong together") {
     refuse_capture({"cam01/0001.png", "48 x 64"},
                    image([](const fs::path& path) { write_png(path, PixelImage(4, 64, 48)); }));
     // Photographs without a person are left out; a capture without any other is refused.
-    refuse_capture({"no photograph", "mask"}, [](const fs::path& path) {
+    refuse_capture({"cam00/0000.png", "mask (alpha) is empty", "all photographs"}, [](const fs::path& path) {
         for (const auto& entry : fs::recursive_directory_iterator(path / "images"))
             if (entry.path().extension() == ".png") write_png(entry.path(), PixelImage(4, 64, 64));
     });
