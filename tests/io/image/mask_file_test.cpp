@@ -65,7 +65,7 @@ TEST_CASE_FIXTURE(Masks, "white, soft and empty masks are as they are") {
     CHECK(meaning(grey({0, 244, 3})) == MaskMeaning::soft);
     CHECK(grey({0, 0}).levels.empty());
     CHECK(meaning(grey({0, 0})) == MaskMeaning::soft);
-    // Faint values where nobody is, in a camera whose other masks are plain.
+    // Faint values and no person, in a camera whose other masks are plain.
     CHECK(meaning(grey({0, 3, 12, 9}), true) == MaskMeaning::soft);
 
     PixelImage alpha(4, 1, 3); // a white picture whose alpha is the mask

@@ -210,7 +210,7 @@ TEST_CASE("bad EasyMocap files name the file and the field") {
     expect([](Json& j) { j[0]["poses"][0].erase(5); }, {"poses has 71 numbers, expected 72 as in the first frame"});
     expect([](Json& j) { j[0]["shapes"][0].erase(0); }, {"shapes has 2", "3"});
     expect([](Json& j) { j[0]["Rh"] = row({1, 2}); }, {"Rh has 2"});
-    expect([](Json& j) { j = Json::array(); }, {"nobody is in this frame"});
+    expect([](Json& j) { j = Json::array(); }, {"holds no person in this frame"});
     expect([](Json& j) { j = {{"annots", 3}}; }, {"no list of people"});
     expect([](Json& j) { j = 3; }, {"number"});
     expect([](Json& j) { j[0]["id"] = "a"; }, {"id is string"});

@@ -359,7 +359,7 @@ TEST_CASE("a vertical that other programs state in a comment is heeded") {
     CHECK(mean_of("Vertical Axis: +y") == vec3<float>(1, 2, 3));
     CHECK(read("Vertical Axis: +y").notes.up == UpAxis::y);
     CHECK(mean_of("Vertical Axis: -y") == vec3<float>(1, -2, -3));
-    // Brush writes "y" where nobody chose another vertical, and means the custom, -y: as if nothing were stated.
+    // Brush writes "y" where no other vertical was chosen, and means the custom, -y: as if nothing were stated.
     CHECK(mean_of("Vertical axis: y") == vec3<float>(1, 2, 3));
     CHECK(!read("Vertical axis: y").notes.up.has_value());
     // A chosen one it writes as a direction.

@@ -33,7 +33,7 @@ struct MaskLevels {
     [[nodiscard]] int greatest() const;
     /// Whether no pixel shows anybody.
     [[nodiscard]] bool empty() const { return colors.empty() && greatest() <= 0; }
-    /// Whether the file alone shows that it is a mask: grey, and white on somebody. The best masks of JPEG files, and
+    /// Whether the file alone shows that it is a mask: grey, and white on a person. The best masks of JPEG files, and
     /// of networks, reach 250.
     [[nodiscard]] bool plain() const { return colors.empty() && greatest() >= 240; }
     void add(const MaskLevels& other);
@@ -63,7 +63,7 @@ enum class MaskMeaning {
 };
 
 /// Decides by the levels of all of them. `plain` tells whether some are plain, apart from arrays of 0 and 1. Then
-/// others are soft, too: a network leaves faint values where nobody is.
+/// others are soft, too: a network leaves faint values beside the person.
 ///
 /// Errors  ValueError for other masks: labels of several objects, colours, or soft masks that nowhere come near 255.
 ///         The message begins with `where` and lists what was found.
