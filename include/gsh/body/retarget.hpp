@@ -112,16 +112,6 @@ inline vec3<double> rest_bone(const RigMotion& rig, int joint, int end) {
     const double size = length(bone);
     return size > 0 ? bone * (1 / size) : vec3<double>(0);
 }
-/// The only child of a joint, or -1.
-inline int only_child(const RigMotion& rig, int joint) {
-    int child = -1;
-    for (std::size_t j = 0; j < rig.joint_count(); ++j)
-        if (rig.parents[j] == joint) {
-            if (child >= 0) return -1;
-            child = static_cast<int>(j);
-        }
-    return child;
-}
 
 /// The rest pose that a rig's motion is measured from: its own, or one found in the frames, where its own is none.
 inline RigMotion rest_of(const RigMotion& rig, const MatchedJoints& matched, const RetargetOptions& options,

@@ -52,6 +52,17 @@ inline int matched_joint(const MatchedJoints& matched, std::string_view joint) {
     return matched[static_cast<std::size_t>(smplx_joint(joint))];
 }
 
+/// The only child of a joint, or -1.
+inline int only_child(const RigMotion& rig, int joint) {
+    int child = -1;
+    for (std::size_t j = 0; j < rig.joint_count(); ++j)
+        if (rig.parents[j] == joint) {
+            if (child >= 0) return -1;
+            child = static_cast<int>(j);
+        }
+    return child;
+}
+
 /// The mean of the positions of a left and a right joint at `joints`, and their difference.
 struct JointPair {
     vec3<double> mean{0.0}, left_from_right{0.0};

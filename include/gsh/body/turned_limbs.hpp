@@ -63,7 +63,7 @@ public:
                 const int from = joint(side + finger + number);
                 if (from < 0) continue;
                 const int next = number[0] == '3' ? -1 : joint(side + finger + char(number[0] + 1));
-                const bool known = turn_between(from, next >= 0 ? next : only_child(from), turn);
+                const bool known = turn_between(from, next >= 0 ? next : only_child(rig_, from), turn);
                 const double angle = apply(from, turn);
                 if (known) fingers_.add(angle);
             }
@@ -89,12 +89,6 @@ private:
 
     [[nodiscard]] int joint(std::string_view name) const { return matched_joint(matched_, name); }
 
-    [[nodiscard]] int only_child(int joint) const {
-        int child = -1, count = 0;
-        for (std::size_t j = 0; j < rig_.joint_count(); ++j)
-            if (rig_.parents[j] == joint) child = static_cast<int>(j), ++count;
-        return count == 1 ? child : -1;
-    }
     /// Where a joint is by the rotation of one above it, and where it is; both from that one.
     struct Bone {
         vec3<double> expected, found;
