@@ -77,7 +77,8 @@ inline EasyMocapPerson read_easymocap_person(const std::filesystem::path& path, 
     const Json json = read_json(path);
     const Json& list = json.is_array() ? json : JsonObject(json, path.string()).at("annots");
     if (!list.is_array()) throw IoError(path.string() + ": holds no list of people");
-    if (list.empty()) throw IoError(path.string() + ": holds no person in this frame; leave it and its photographs out");
+    if (list.empty())
+        throw IoError(path.string() + ": holds no person in this frame; leave it and its photographs out");
     std::vector<std::string> known;
     for (std::size_t i = 0; i < list.size(); ++i) {
         const JsonObject object(list[i], path.string() + ": [" + std::to_string(i) + "]");
