@@ -63,6 +63,7 @@ public:
         ::waitpid(id_, nullptr, 0);
     }
 
+    [[nodiscard]] pid_t id() const { return id_; }
     void send(int signal) const { REQUIRE(::kill(id_, signal) == 0); }
 
     /// Calls `happened` every `interval` microseconds until it returns true. Returns false if the program ends before,

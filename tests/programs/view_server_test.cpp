@@ -15,7 +15,6 @@
 
 #include <httplib.h>
 
-#include <malloc.h>
 #include <sys/resource.h>
 #include <unistd.h>
 
@@ -231,27 +230,31 @@ TEST_CASE("gsh-view: the server refuses bodies that are too large or not JSON, a
 }
 
 #if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__) // these need the addresses themselves
+// A process of its own, since memory that other tests have freed would hold the upload.
 TEST_CASE("gsh-view: a motion for which memory is short is refused in words, and the server goes on") {
-    RunningServer& s = running_server();
-    auto client = s.client();
-    CHECK(client.Get(s.path("/scene"))->status == 200);
-    ::malloc_trim(0); // what tests before have freed would hold the upload
+    const test::Process program({"gsh-view", test::view_files().polar});
+    std::string line;
+    REQUIRE(program.wait_until([&] {
+        line = program.out();
+        return line.ends_with("\n");
+    }));
+    httplib::Client client("127.0.0.1", std::stoi(line.substr(17)));
+    const std::string key = line.substr(line.find("?key="), line.size() - line.find("?key=") - 1);
+    CHECK(client.Get("/scene" + key)->status == 200);
     std::size_t pages = 0;
-    std::ifstream("/proc/self/statm") >> pages;
+    std::ifstream("/proc/" + std::to_string(program.id()) + "/statm") >> pages;
     REQUIRE(pages > 0);
-    rlimit before{};
-    ::getrlimit(RLIMIT_AS, &before);
-    rlimit limit = before;
+    rlimit limit{};
+    REQUIRE(::prlimit(program.id(), RLIMIT_AS, nullptr, &limit) == 0);
     limit.rlim_cur = static_cast<rlim_t>(pages) * static_cast<rlim_t>(::sysconf(_SC_PAGESIZE)) + (rlim_t(40) << 20);
-    REQUIRE(::setrlimit(RLIMIT_AS, &limit) == 0);
+    REQUIRE(::prlimit(program.id(), RLIMIT_AS, &limit, nullptr) == 0);
     static const char zeros[4096] = {};
     const auto send = [](std::size_t, std::size_t left, httplib::DataSink& sink) {
         return sink.write(zeros, std::min(left, sizeof zeros));
     };
-    const auto answer = client.Post(s.path("/motion?person=0&name=a.npz"), std::size_t(60) << 20, send, "");
-    ::setrlimit(RLIMIT_AS, &before);
-    check_refusal(answer, 507, {"more memory than the server has"});
-    CHECK(s.client().Get(s.path("/scene"))->status == 200);
+    check_refusal(client.Post("/motion" + key + "&person=0&name=a.npz", std::size_t(60) << 20, send, ""), 507,
+                  {"more memory than the server has"});
+    CHECK(client.Get("/scene" + key)->status == 200);
 }
 #endif
 
