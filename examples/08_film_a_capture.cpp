@@ -27,7 +27,9 @@
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
+#include <optional>
 #include <string>
+#include <utility>
 
 using namespace gsh;
 
@@ -92,6 +94,7 @@ void story(const std::filesystem::path& out, int size, int frames) {
     const Capture soft = film_in(soft_light(), "filming in soft light");
 
     // 6. On disk: cameras.json, poses.npz, images/CAMERA/FRAME.png. The alpha of the images is the mask.
+    std::optional<examples::Progress> work(std::in_place, "writing both captures");
     std::filesystem::create_directories(folder);
     save_body_model(folder / "body.npz", body);
     save_capture(folder / "hard", hard);
@@ -103,7 +106,9 @@ void story(const std::filesystem::path& out, int size, int frames) {
     write_png(out / "08_film_a_capture.png", examples::beside<float>({&left, &right}));
 
     // 7. What a program would read is what was filmed.
+    work.emplace("reading one of them again");
     const Capture read = load_capture(backend, folder / "hard", body);
+    work.reset();
     examples::claim(read.frame_count() == motion.frame_count() && read.cameras.size() == 7,
                     "seven cameras and " + std::to_string(motion.frame_count()) + " frames come back from disk");
     examples::claim(std::equal(read.images.begin(), read.images.end(), hard.images.begin(),

@@ -69,6 +69,7 @@ void add_motion(Framing& framing, const RigData& rig, const Motion& motion, std:
 /// A camera in front of all people, as near as possible while every frame shows all of them completely.
 Camera<double> frame_people(const ShownPeople& people, int size) {
     constexpr double field_of_view = 30 * std::numbers::pi / 180;
+    const Progress shown("placing the camera");
     Framing framing(look_at<double>({0, 0.1, 1}, {0, 0, 0}, {0, 1, 0}, field_of_view, size, size));
     for (std::size_t p = 0; p < people.data.size(); ++p)
         add_motion(framing, people.data[p].rig, people.motions[p], people.frame_count());

@@ -6,6 +6,7 @@
 #include "support/output_folder.hpp"
 #include "support/overlay.hpp"
 #include "support/program.hpp"
+#include "support/progress.hpp"
 #include "support/reconstruct_command.hpp"
 #include "support/source.hpp"
 
@@ -232,10 +233,13 @@ int check(const CheckOptions& options) {
     std::vector<CheckedPerson> people;
     for (std::size_t p = 0; p < source.people.size(); ++p)
         people.push_back({source.people[p].name, &source.body(p), &source.people[p].motion});
+    std::optional<Progress> shown(std::in_place, "comparing bodies and images");
     const CaptureCheck result = check_capture(backend, source.capture, people, params);
+    shown.emplace("drawing overlays");
     if (interrupted || !write_overlays(backend, out, source, result)) return exit_interrupted;
     write_json(out.file("check.json"), source, result); // last: if it exists, all files are complete
     out.commit();
+    shown.reset();
     print(source, result, options.out);
     return result.findings.empty() ? int(exit_done) : exit_findings;
 }

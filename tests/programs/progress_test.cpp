@@ -1,17 +1,42 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  The progress line of the programs fits its terminal.
+/// @file  The progress line of the programs fits its terminal, and long jobs are not silent.
 #include <doctest/doctest.h>
 
 #include "support/progress.hpp"
 
+#include <pty.h>
+#include <unistd.h>
+
+#include <chrono>
 #include <cstddef>
 #include <string>
+#include <thread>
 
 namespace {
 
 using namespace gsh::examples;
 
 const std::string details = "step 1200  PSNR 31.42 dB  8.3 steps/s  loss 0.0214";
+
+/// What a job shows on a terminal of 60 columns.
+template <class Job>
+std::string shown_on_terminal(const Job& job) {
+    int terminal = -1, other = -1;
+    const winsize size{.ws_row = 20, .ws_col = 60, .ws_xpixel = 0, .ws_ypixel = 0};
+    REQUIRE(openpty(&terminal, &other, nullptr, nullptr, &size) == 0);
+    const int before = dup(STDERR_FILENO);
+    dup2(other, STDERR_FILENO);
+    job();
+    dup2(before, STDERR_FILENO);
+    close(before);
+    close(other);
+    std::string shown;
+    char bytes[4096];
+    for (ssize_t count; (count = read(terminal, bytes, sizeof bytes)) > 0;)
+        shown.append(bytes, static_cast<std::size_t>(count));
+    close(terminal);
+    return shown;
+}
 
 TEST_CASE("progress_line without a limit has everything") {
     CHECK(progress_line("training light", 0.5, details, 95.6, 0) ==
@@ -30,6 +55,35 @@ TEST_CASE("progress_line leaves out the least important first") {
     CHECK(progress_line("training light", 0.5, details, 95.6, 39) == "training light  50%  96 s left");
     CHECK(progress_line("training light", 0.5, details, 95.6, 20) == "training light  50%");
     CHECK(progress_line("training light", 0.5, details, 95.6, 5) == "train");
+}
+
+TEST_CASE("elapsed_line leaves out the least important first") {
+    CHECK(elapsed_line("reading walk.bvh", 12.3, 0) == "reading walk.bvh \u2026  12 s");
+    CHECK(elapsed_line("reading walk.bvh", 12.3, 24) == "reading walk.bvh \u2026  12 s");
+    CHECK(elapsed_line("reading walk.bvh", 12.3, 23) == "reading walk.bvh  12 s");
+    CHECK(elapsed_line("reading walk.bvh", 12.3, 20) == "reading walk.bvh");
+    CHECK(elapsed_line("reading walk.bvh", 12.3, 7) == "reading");
+}
+
+TEST_CASE("A job that reports nothing shows that it goes on, and a short one shows nothing") {
+    const std::string shown = shown_on_terminal([] {
+        const Progress progress("reading walk.bvh");
+        std::this_thread::sleep_for(std::chrono::milliseconds(1200));
+    });
+    CHECK(shown.find("reading walk.bvh \u2026  1 s") != std::string::npos);
+    CHECK(shown.ends_with("\r\n"));
+    CHECK(shown_on_terminal([] { const Progress progress("reading walk.bvh"); }).empty());
+}
+
+TEST_CASE("A job that has reported is drawn again while it reports nothing more") {
+    const std::string shown = shown_on_terminal([] {
+        Progress progress("judging");
+        progress.show(0.25, "first");
+        progress.show(0.5, "second"); // less than a tenth of a second later: not drawn yet
+        std::this_thread::sleep_for(std::chrono::milliseconds(1200));
+    });
+    CHECK(shown.find("25%  first") != std::string::npos);
+    CHECK(shown.find("50%  second") != std::string::npos);
 }
 
 TEST_CASE("progress_line never exceeds its width, and never cuts a character in two") {

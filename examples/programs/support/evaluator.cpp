@@ -6,6 +6,7 @@
 #include "support/figures.hpp"
 #include "support/interrupts.hpp"
 #include "support/machine.hpp"
+#include "support/progress.hpp"
 #include "support/reconstruction.hpp"
 #include "support/results.hpp"
 #include "support/static_reconstruction.hpp"
@@ -162,8 +163,10 @@ template <class Trained>
 bool Evaluator::judge(Trained& trained, const std::vector<Photo>& photos, const std::optional<MotionSplit>& split,
                       Mark& mark, OutputFolder* out, RunResult& result) {
     std::vector<ImageScore> scores;
+    Progress shown("judging test images");
     for (const Photo& photo : photos) {
         if (interrupted) return false;
+        shown.show(static_cast<double>(scores.size()) / static_cast<double>(photos.size()), photo.name);
         const auto comparison = judge_.judge(trained.compare(photo), photo);
         mark.images.push_back(score_json(comparison.score));
         if (split) mark.images.back()["motion"] = motion_word(*split, scores.size());

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "support/input_files.hpp"
 
+#include "support/progress.hpp"
+
 #include <gsh/io/body/body_file.hpp>
 #include <gsh/io/body/region_file.hpp>
 #include <gsh/io/capture/any_capture.hpp>
@@ -34,11 +36,15 @@ std::string text_of(std::uint32_t checksum) {
     return text;
 }
 
+/// Shows that a file is being read, if that takes long.
+Progress reading(const std::filesystem::path& path) { return Progress("reading " + path.filename().string()); }
+
 } // namespace
 
 PeopleCapture people_of_folder(cpu::Threads& backend, const std::filesystem::path& folder, Span<const BodyModel> bodies,
                                const std::vector<std::filesystem::path>& poses, const CaptureOptions& options,
                                std::vector<std::string>& warnings) {
+    const Progress shown = reading(folder);
     return load_people_capture(backend, folder, bodies, poses, options, &warnings);
 }
 bool brings_own_body(const std::filesystem::path& folder) { return recognise_capture(folder) == CaptureLayout::gala; }
@@ -46,12 +52,16 @@ std::vector<std::string> warnings_of(const Capture& capture, const BodyModel& bo
     return capture_warnings(capture, body, motion);
 }
 
-BodyModel body_of_file(const std::filesystem::path& path) { return load_body_model(path); }
+BodyModel body_of_file(const std::filesystem::path& path) {
+    const Progress shown = reading(path);
+    return load_body_model(path);
+}
 RegionLists regions_of_file(const std::filesystem::path& path, std::size_t vertex_count) {
     return read_regions(path, vertex_count);
 }
 std::vector<EstimatedPriors> priors_of_file(const std::filesystem::path& path, const Capture& capture,
                                             const std::vector<std::string>& people) {
+    const Progress shown = reading(path);
     return read_prior_views(path, capture.cameras, capture.frame_count(), people);
 }
 std::vector<PhotoKeypoints> keypoints_of_file(const std::filesystem::path& path, const Capture& capture) {
@@ -83,14 +93,19 @@ std::string file_checksum(const std::filesystem::path& path) {
 }
 Motion motion_of_file(const std::filesystem::path& path, const BodyModel& body, std::vector<std::string>& warnings,
                       bool upright, const std::vector<double>& betas, const RigOption& rig, std::size_t number) {
+    const Progress shown = reading(path);
     MotionFileOptions options;
     if (upright) options.world = MotionFileOptions::World::upright;
     options.betas = betas, options.animation = rig.animation, options.input_fps = rig.input_fps_of(number);
     if (!rig.joint_map.empty()) options.joint_map = read_joint_map(rig.joint_map);
     return load_any_motion(path, body, options, &warnings);
 }
-AvatarData avatar_of_file(const std::filesystem::path& path) { return load_avatar(path); }
+AvatarData avatar_of_file(const std::filesystem::path& path) {
+    const Progress shown = reading(path);
+    return load_avatar(path);
+}
 StillSplats splats_of_file(const std::filesystem::path& path, const std::string& up, std::optional<double> time) {
+    const Progress shown = reading(path);
     check_value(!time || recognise_splats(path) == SplatFormat::glb, path.string(),
                 "--time is for an animated scene (.glb)");
     StillSplats splats = time ? read_gltf_splats(path, time) : load_any_splats(path);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  The library's readers of input files, compiled once together with the JSON and archive code that they use.
+/// @file  The library's readers of input files, compiled once together with the JSON and archive code that they use. Those
+/// that may take long show a line of progress.
 #pragma once
 
 #include "support/rig_option.hpp"
@@ -52,11 +53,12 @@ RegionLists regions_of_file(const std::filesystem::path& path, std::size_t verte
 /// read_prior_views, for each person.
 std::vector<EstimatedPriors> priors_of_file(const std::filesystem::path& path, const Capture& capture,
                                             const std::vector<std::string>& people);
-/// prior_views_checksum, as text.
 /// Keypoints of the capture's training photographs.
 /// Errors  those of load_keypoints; ValueError if there are none.
 std::vector<PhotoKeypoints> keypoints_of_file(const std::filesystem::path& path, const Capture& capture);
+/// CRC-32 of all keypoints as text.
 std::string keypoints_checksum(const std::vector<PhotoKeypoints>& keypoints);
+/// prior_views_checksum, as text.
 std::string priors_checksum(const std::filesystem::path& path);
 /// CRC-32 of a file as text, to detect changes.
 std::string file_checksum(const std::filesystem::path& path);

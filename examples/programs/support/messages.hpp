@@ -2,6 +2,8 @@
 /// @file  Messages of programs on standard error, one line each, and command lines in them.
 #pragma once
 
+#include <unistd.h>
+
 #include <cctype>
 #include <cstdio>
 #include <string>
@@ -15,8 +17,9 @@ inline std::string one_line(std::string text) {
     return text;
 }
 
+/// Prints a warning, on a terminal in place of the line of progress, which is drawn again below it.
 inline void warn(const std::string& message) {
-    std::fprintf(stderr, "warning: %s\n", one_line(message).c_str());
+    std::fprintf(stderr, "%swarning: %s\n", isatty(STDERR_FILENO) == 1 ? "\r\033[K" : "", one_line(message).c_str());
 }
 
 /// A word of a command line.

@@ -7,10 +7,13 @@
 
 #include <algorithm>
 #include <chrono>
+#include <condition_variable>
 #include <cstddef>
 #include <cstdio>
+#include <mutex>
 #include <optional>
 #include <string>
+#include <thread>
 #include <utility>
 
 namespace gsh::examples {
@@ -50,52 +53,104 @@ namespace gsh::examples {
     return line;
 }
 
+/// Title and seconds, in at most `width` columns; 0 means without a limit.
+[[nodiscard]] inline std::string elapsed_line(const std::string& title, double seconds, std::size_t width) {
+    char elapsed[32];
+    std::snprintf(elapsed, sizeof elapsed, "  %.0f s", seconds);
+    for (std::string line : {title + " \u2026" + elapsed, title + elapsed})
+        if (width == 0 || columns_of(line) <= width) return line;
+    std::string line = title;
+    while (columns_of(line) > width) line.pop_back();
+    return line;
+}
+
 /// Columns of the terminal on standard error; 80 if it does not tell.
 [[nodiscard]] inline std::size_t terminal_width() {
     winsize size{};
     return ioctl(STDERR_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 0 ? size.ws_col : 80;
 }
 
-/// Shows the progress of a long job. On a terminal, the line is redrawn ten times per second. Otherwise, a new line is
-/// printed every ten seconds, so that logs stay short.
+/// Shows the progress of a long job, so that no program is silent for long. On a terminal, the line is redrawn ten times
+/// per second at most, and once a second while nothing is reported. Otherwise, a new line is printed every ten seconds,
+/// so that logs stay short. A job that reports nothing shows its title and the seconds that it has taken, in a log every
+/// half minute; one that ends within the first second, nothing.
 class Progress {
 public:
-    explicit Progress(std::string title) : title_(std::move(title)), terminal_(isatty(STDERR_FILENO) == 1) {}
+    explicit Progress(std::string title)
+        : title_(std::move(title)), terminal_(isatty(STDERR_FILENO) == 1), ticker_([this] { tick(); }) {}
     Progress(const Progress&) = delete;
     Progress& operator=(const Progress&) = delete;
     ~Progress() { finish(); }
 
     /// `fraction` is in [0, 1]; `details` follow the percentage, in pieces as progress_line takes them.
     void show(double fraction, const std::string& details) {
+        const std::lock_guard lock(mutex_);
         const auto now = Clock::now();
-        const auto pause = terminal_ ? std::chrono::milliseconds(100) : std::chrono::milliseconds(10000);
-        if (shown_ && fraction < 1 && now - last_ < pause) return;
-        if (!shown_) start_ = now, first_ = fraction; // a resumed job does not begin at 0
-        last_ = now;
-        shown_ = true;
-        const double seconds = std::chrono::duration<double>(now - start_).count(), covered = fraction - first_;
-        std::optional<double> left;
-        if (covered > 0) left = seconds * (1 - fraction) / covered;
-        // The last column stays free: in it, some terminals already go to the next line.
-        const std::string line = progress_line(title_, fraction, details, left,
-                                               terminal_ ? std::max<std::size_t>(terminal_width(), 2) - 1 : 0);
-        std::fprintf(stderr, "%s%s%s", terminal_ ? "\r\033[K" : "", line.c_str(), terminal_ ? "" : "\n");
-        std::fflush(stderr);
+        if (!fraction_) {
+            first_ = now, first_fraction_ = fraction; // a resumed job does not begin at 0
+            wake_.notify_one();                       // lines come more often from now on
+        }
+        fraction_ = fraction, reported_ = now, details_ = details;
+        if (shown_ && fraction < 1 && now - last_ < (terminal_ ? Clock::duration(tenth) : Clock::duration(log_pause)))
+            return;
+        print(now);
     }
 
+    /// Ends the line.
     void finish() {
+        {
+            const std::lock_guard lock(mutex_);
+            finished_ = true;
+        }
+        wake_.notify_one();
+        if (ticker_.joinable()) ticker_.join();
         if (shown_ && terminal_) std::fputc('\n', stderr);
         shown_ = false;
     }
 
 private:
     using Clock = std::chrono::steady_clock;
+    static constexpr std::chrono::milliseconds tenth{100};
+    static constexpr std::chrono::seconds log_pause{10}, silent_pause{30};
 
-    std::string title_;
-    bool terminal_;
-    bool shown_ = false;
-    double first_ = 0; // fraction when first shown
-    Clock::time_point start_ = Clock::now(), last_ = start_;
+    std::string title_, details_;
+    bool terminal_, shown_ = false, finished_ = false;
+    std::optional<double> fraction_; // the last one reported
+    double first_fraction_ = 0;
+    Clock::time_point start_ = Clock::now(), first_ = start_, reported_ = start_, last_ = start_;
+    std::mutex mutex_; // of all above
+    std::condition_variable wake_;
+    std::thread ticker_; // last: it uses the others
+
+    static double seconds(Clock::duration duration) { return std::chrono::duration<double>(duration).count(); }
+
+    void print(Clock::time_point now) {
+        last_ = now;
+        shown_ = true;
+        // The last column stays free: in it, some terminals already go to the next line.
+        const std::size_t width = terminal_ ? std::max<std::size_t>(terminal_width(), 2) - 1 : 0;
+        std::string line;
+        if (fraction_) {
+            const double covered = *fraction_ - first_fraction_;
+            std::optional<double> left;
+            if (covered > 0) left = seconds(reported_ - first_) * (1 - *fraction_) / covered - seconds(now - reported_);
+            line = progress_line(title_, *fraction_, details_, left, width);
+        } else {
+            line = elapsed_line(title_, seconds(now - start_), width);
+        }
+        std::fprintf(stderr, "%s%s%s", terminal_ ? "\r\033[K" : "", line.c_str(), terminal_ ? "" : "\n");
+        std::fflush(stderr);
+    }
+
+    /// Shows that the job goes on while it reports nothing.
+    void tick() {
+        std::unique_lock lock(mutex_);
+        const auto pause = [&] { return terminal_ ? std::chrono::seconds(1) : fraction_ ? log_pause : silent_pause; };
+        while (!finished_) {
+            wake_.wait_until(lock, last_ + pause());
+            if (const auto now = Clock::now(); !finished_ && now - last_ >= pause()) print(now);
+        }
+    }
 };
 
 } // namespace gsh::examples

@@ -4,6 +4,7 @@
 #include "support/figures.hpp"
 #include "support/machine.hpp"
 #include "support/messages.hpp"
+#include "support/progress.hpp"
 #include "support/source.hpp"
 
 #include <gsh/core/error.hpp>
@@ -136,6 +137,7 @@ std::string run_text(const Source& source, const Configuration& configuration, c
 
 ReconstructionSetup make_setup(Machine& machine, const Source& source, const Configuration& configuration,
                                const ReconstructOptions& o) {
+    const Progress shown("preparing the avatar");
     ReconstructionSetup setup;
     setup.configuration = configuration;
     setup.seed = o.seed;

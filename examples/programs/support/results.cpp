@@ -7,6 +7,7 @@
 #include "support/machine.hpp"
 #include "support/messages.hpp"
 #include "support/pictures.hpp"
+#include "support/progress.hpp"
 #include "support/reconstruction.hpp"
 #include "support/renderer.hpp"
 #include "support/report.hpp"
@@ -324,10 +325,12 @@ std::optional<TestFigures> write_results(OutputFolder& out, const ReconstructOpt
     const ReconstructionSetup& setup = reconstruction.setup;
     Judge judge(machine.host(), source, o);
     reconstruction.release_memory();
+    std::optional<Progress> work(std::in_place, "writing the avatar");
     const std::vector<std::size_t> unseen = reconstruction.fill_unseen();
     Report report;
     // before poses are fitted to test images
     report.turn = turn_of(machine, reconstruction, write_avatars(out, reconstruction));
+    work.reset();
     const std::size_t people = setup.people.size();
     if (o.refine && !reconstruction.refine_test_poses()) return std::nullopt;
     out.own("test");
@@ -340,8 +343,10 @@ std::optional<TestFigures> write_results(OutputFolder& out, const ReconstructOpt
     if (people > 1)
         for (const auto& person : setup.people) report.images.back().push_back(person.name);
     if (split) report.images.back().push_back("motion");
+    work.emplace("judging test images");
     for (const Photo& photo : setup.test_photos) {
         if (interrupted) return std::nullopt;
+        work->show(static_cast<double>(scores.size()) / static_cast<double>(setup.test_photos.size()), photo.name);
         const auto comparison = judge.judge(reconstruction.compare(photo), photo);
         const ImageScore& score = comparison.score;
         const std::string png = encode_png(quantise(comparison_picture(comparison.render, comparison.truth).view()));
@@ -355,6 +360,7 @@ std::optional<TestFigures> write_results(OutputFolder& out, const ReconstructOpt
         if (split) report.images.back().push_back(motion_word(*split, scores.size()));
         scores.push_back(score);
     }
+    work.emplace("writing the report");
     TestFigures figures{.mean = mean_score(scores), .motion = {}, .findings = {}};
     const ImageScore& mean = figures.mean;
     const std::vector<RegionMean> regions = mean_regions(scores);

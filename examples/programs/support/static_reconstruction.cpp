@@ -144,6 +144,7 @@ StaticSetup static_setup(const StaticSource& source, const StaticOptions& option
 
 std::unique_ptr<StaticReconstruction> make_static_reconstruction(Machine& machine, const StaticSource& source,
                                                                  const StaticOptions& options) {
+    const Progress shown("preparing the scene");
     StaticSetup setup = static_setup(source, options);
     if (machine.has_gpu()) return static_reconstruction_on(*machine.gpu(), std::move(setup));
     return std::make_unique<StaticReconstructionOn<cpu::Threads>>(machine.host(), std::move(setup));
@@ -176,7 +177,9 @@ StaticResult reconstruct_static(Machine& machine, const StaticSource& source, co
     result.seconds = reconstruction->seconds;
     result.steps = reconstruction->step_count();
     result.change = reconstruction->total_change();
+    Progress shown("judging test images");
     for (const Photo& photo : source.test) {
+        shown.show(static_cast<double>(result.scores.size()) / static_cast<double>(source.test.size()), photo.name);
         const auto comparison = reconstruction->compare(photo);
         result.scores.push_back(comparison.score);
         result.pictures.push_back(comparison_picture(comparison.render, comparison.truth));

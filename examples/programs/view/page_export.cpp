@@ -3,6 +3,7 @@
 
 #include "support/interrupts.hpp"
 #include "support/messages.hpp"
+#include "support/progress.hpp"
 #include "view/motion_occlusion.hpp"
 #include "view/view_package.hpp"
 #include "view/view_page.hpp"
@@ -74,6 +75,7 @@ ExportResult export_page(const ExportOptions& o) {
     ViewScene scene = load_view_scene({o.input}, o.poses, o.light, o.rig, warnings, o.input_up);
     for (const std::string& warning : warnings) warn(warning);
     watch_interrupts();
+    const Progress shown("exporting");
     keep_gaussians(scene, o);
     if (o.frame || o.is_moving()) keep_frames(scene.motions[0][0].motion, o);
     std::optional<LowRank> occlusion;
