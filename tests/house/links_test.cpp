@@ -24,7 +24,7 @@ std::string prose_of(const fs::path& path) {
     std::string prose;
     bool fenced = false;
     for (std::string line; std::getline(file, line);) {
-        if (line.starts_with("```")) {
+        if (line.find("```") != std::string::npos) {
             fenced = !fenced;
             continue;
         }
@@ -71,7 +71,9 @@ std::vector<std::string> links_of(const fs::path& path) {
 }
 
 std::vector<fs::path> pages_with_links() {
-    std::vector<fs::path> found{links_root / "README.md", links_root / "findings" / "README.md"};
+    std::vector<fs::path> found;
+    for (const char* name : {"README.md", "examples/README.md", "findings/README.md"})
+        found.push_back(links_root / name);
     for (const auto& entry : fs::recursive_directory_iterator(links_root / "docs"))
         if (entry.path().extension() == ".md") found.push_back(entry.path());
     return found;
