@@ -186,6 +186,7 @@ TEST_CASE("exposure that drifts is advice: printed, in the file, and no fault") 
     CHECK(json.at("findings").empty());
     REQUIRE(json.at("advice").size() == 1);
     CHECK(outcome.out.find(json.at("advice")[0].at("text").get<std::string>()) != std::string::npos);
+    CHECK(json.at("advice")[0].at("help") == "docs/README.md#brightness-and-colours-change-between-photographs");
     for (const auto& image : json.at("images"))
         CHECK(image.at("exposure")[1].get<double>() * (image.at("frame") == 0 ? 1 : -1) > 0.25);
 }
