@@ -2,6 +2,7 @@
 /// @file  gsh-check: tests whether the images, cameras, poses and body of a capture match; lists likely faults.
 
 #include "support/figures.hpp"
+#include "support/help.hpp"
 #include "support/input_files.hpp"
 #include "support/output_folder.hpp"
 #include "support/overlay.hpp"
@@ -125,14 +126,12 @@ void write_json(const std::filesystem::path& path, const Source& source, const C
               {"findings", Json::array()},
               {"warnings", source.warnings},
               {"images", Json::array()}};
-    for (const std::string& line : advice(capture, check)) json["advice"].push_back(line);
+    for (const auto& [doubt, text] : advice(capture, check))
+        json["advice"].push_back({{"doubt", doubt}, {"text", text}, {"help", help_link(doubt)}});
     for (const auto& [frame, iou] : frame_overlaps(check)) json["frames"].push_back({{"frame", frame}, {"iou", iou}});
     for (const CaptureFinding& finding : check.findings) {
-        Json one{{"fault", finding.fault},
-                 {"measure", finding.measure},
-                 {"given", finding.given},
-                 {"mended", finding.mended},
-                 {"text", finding.text}};
+        Json one{{"fault", finding.fault},   {"measure", finding.measure}, {"given", finding.given},
+                 {"mended", finding.mended}, {"text", finding.text},       {"help", help_link(finding.fault)}};
         for (const std::size_t c : finding.cameras) one["cameras"].push_back(capture.cameras[c].name);
         for (const std::string& name : finding.people) one["people"].push_back(name);
         for (const CaptureView& view : finding.views) one["images"].push_back(image(view));
@@ -215,10 +214,14 @@ void print(const Source& source, const CaptureCheck& check, const std::filesyste
                     worst[i].view.frame, worst[i].iou, 100 * worst[i].inside);
     if (source.people.size() > 1 && !check.views.empty()) print_people(source, check);
     std::printf("\n");
-    for (const CaptureFinding& finding : check.findings) std::printf("%s\n", one_line(finding.text).c_str());
-    const std::vector<std::string> lines = advice(capture, check);
-    for (const std::string& line : lines) std::printf("%s\n", one_line(line).c_str());
-    if (check.findings.empty() && lines.empty()) std::printf("nothing suspicious\n");
+    std::vector<std::string> doubts;
+    const auto print_line = [&](const std::string& doubt, const std::string& text) {
+        std::printf("%s\n", one_line(text).c_str());
+        doubts.push_back(doubt);
+    };
+    for (const CaptureFinding& finding : check.findings) print_line(finding.fault, finding.text);
+    for (const auto& [doubt, text] : advice(capture, check)) print_line(doubt, text);
+    std::printf("%s\n", doubts.empty() ? "nothing suspicious" : ("read " + help_text(doubts)).c_str());
     std::printf("pictures in %s\n", (out / "overlays").string().c_str());
 }
 

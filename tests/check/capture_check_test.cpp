@@ -571,10 +571,10 @@ TEST_CASE("low overlaps that no mistake explains are advice to register poses, n
     check.views[0].iou = 0.86, check.views[1].iou = 0.8; // loose clothes
     CHECK(advice(capture, check).empty());
     check.views[0].iou = 0.7, check.views[1].iou = 0.72;
-    const std::vector<std::string> lines = advice(capture, check);
+    const std::vector<CaptureAdvice> lines = advice(capture, check);
     REQUIRE(lines.size() == 1);
-    CHECK(lines[0].find("overlap by 0.71") != std::string::npos);
-    CHECK(lines[0].find("--refine") != std::string::npos);
+    CHECK(lines[0].text.find("overlap by 0.71") != std::string::npos);
+    CHECK(lines[0].text.find("--refine") != std::string::npos);
     check.findings.emplace_back();
     CHECK(advice(capture, check).empty()); // the mistake explains it
 }
@@ -589,10 +589,10 @@ TEST_CASE("a frame whose overlap lies far below the others is named") {
     CHECK(frames.size() == 6);
     CHECK(frames.at(1) == doctest::Approx(0.905));
     CHECK(frames.at(4) == doctest::Approx(0.7));
-    const std::vector<std::string> lines = advice(capture, check);
+    const std::vector<CaptureAdvice> lines = advice(capture, check);
     REQUIRE(lines.size() == 1);
-    CHECK(lines[0].find("frames 4 (0.70): ") == 0);
-    CHECK(lines[0].find("others (0.91)") != std::string::npos);
+    CHECK(lines[0].text.find("frames 4 (0.70): ") == 0);
+    CHECK(lines[0].text.find("others (0.91)") != std::string::npos);
     check.views.erase(check.views.begin() + 6, check.views.end());
     check.views[0].iou = check.views[1].iou = 0.8; // three frames do not show what is usual
     CHECK(advice(capture, check).empty());

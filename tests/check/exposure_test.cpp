@@ -117,15 +117,15 @@ TEST_CASE("a check finds the exposure of photographs and the holes of masks, and
     const ExposureDrift drift = exposure_drift(drifting);
     CHECK(drift.darkest == doctest::Approx(-0.4).epsilon(0.1));
     CHECK(drift.brightest == doctest::Approx(0.3).epsilon(0.1));
-    std::vector<std::string> lines = advice(capture, drifting);
+    std::vector<CaptureAdvice> lines = advice(capture, drifting);
     REQUIRE(lines.size() == 1);
-    CHECK(lines[0].find("exposure drifts from -0.") != std::string::npos);
-    CHECK(lines[0].find("gain.rate") != std::string::npos);
+    CHECK(lines[0].text.find("exposure drifts from -0.") != std::string::npos);
+    CHECK(lines[0].text.find("gain.rate") != std::string::npos);
 
     PixelImage& torn = capture.images[7]; // a blob of a tenth of the person's height is missing in its mask
     for (int y = 70; y < 84; ++y)
         for (int x = 73; x < 87; ++x) torn.pixel(y, x)[3] = 0;
     lines = advice(capture, check());
     REQUIRE(lines.size() == 2);
-    CHECK(lines[1].find("masks lack a part of the person in cam01/2 (") != std::string::npos);
+    CHECK(lines[1].text.find("masks lack a part of the person in cam01/2 (") != std::string::npos);
 }

@@ -51,8 +51,11 @@ nlohmann::json check_of(const std::function<void(Capture&)>& spoil) {
     CHECK(outcome.code == 1);
     CHECK(outcome.err.empty());
     const auto json = json_of(folder / "out/check.json");
-    for (const auto& finding : json.at("findings"))
+    for (const auto& finding : json.at("findings")) {
         CHECK(outcome.out.find(finding.at("text").get<std::string>()) != std::string::npos);
+        CHECK(finding.at("help").get<std::string>().starts_with("docs/README.md#"));
+    }
+    CHECK(outcome.out.find("\nread docs/README.md, \"") != std::string::npos);
     return json;
 }
 nlohmann::json findings(const std::function<void(Capture&)>& spoil) { return check_of(spoil).at("findings"); }
@@ -182,7 +185,8 @@ TEST_CASE("exposure that drifts is advice: printed, in the file, and no fault") 
     const auto json = json_of(folder / "out/check.json");
     CHECK(json.at("findings").empty());
     REQUIRE(json.at("advice").size() == 1);
-    CHECK(outcome.out.find(json.at("advice")[0].get<std::string>()) != std::string::npos);
+    CHECK(outcome.out.find(json.at("advice")[0].at("text").get<std::string>()) != std::string::npos);
+    CHECK(json.at("advice")[0].at("help") == "docs/README.md#brightness-and-colours-change-between-photographs");
     for (const auto& image : json.at("images"))
         CHECK(image.at("exposure")[1].get<double>() * (image.at("frame") == 0 ? 1 : -1) > 0.25);
 }

@@ -104,6 +104,9 @@ TEST_CASE("a reconstruction leaves all that was promised") {
     CHECK(page.find("class=\"wiper\"") < page.find("The avatar from all around"));
     CHECK(page.find("gsh-view " + (s.out / "avatar.gsh").string() + " --open") < page.find("<h2>Figures</h2>"));
     CHECK(metrics.at("verdict").get<std::string>().find(": ") != std::string::npos);
+    REQUIRE(!metrics.at("advice").empty()); // what so short a training lacks
+    CHECK(metrics.at("advice")[0].at("help").get<std::string>().starts_with("docs/README.md#"));
+    CHECK(page.find("Read docs/README.md, &quot;") != std::string::npos);
     CHECK(page.find("src=\"data:image/png;base64,") != std::string::npos);
     CHECK(page.find("<th>Backend</th><td>threads</td>") != std::string::npos);
     CHECK(page.find("over steps</figcaption></figure>") != std::string::npos); // a single sample gives no curve

@@ -18,8 +18,8 @@ VerdictInput good_avatar() {
 }
 
 bool advises(const Verdict& verdict, const std::string& words) {
-    for (const std::string& sentence : verdict.advice)
-        if (sentence.find(words) != std::string::npos) return true;
+    for (const Advice& advice : verdict.advice)
+        if (advice.text.find(words) != std::string::npos) return true;
     return false;
 }
 

@@ -116,7 +116,7 @@ std::string page_head(const std::string& title) {
            "color:#222;background:#fff}h1{font-weight:600;line-height:1.2}h2{font-weight:600;margin-top:2.5rem}"
            "table{border-collapse:collapse;font-variant-numeric:tabular-nums}"
            "td,th{padding:.25rem 1rem .25rem 0;text-align:left;vertical-align:top;border-bottom:1px solid #ddd}"
-           ".wide{overflow-x:auto}.facts td:last-child{color:#555}"
+           ".wide{overflow-x:auto}.facts td:last-child,.more{color:#555}"
            "figure{margin:0 0 1.5rem}img{max-width:100%}figcaption{color:#555}"
            ".verdict{font-size:1.25rem}pre{background:#f4f4f4;padding:.6rem .8rem;margin:.2rem 0 1rem;overflow-x:auto}"
            ".wiper{max-width:40rem}.wiper div{position:relative;--at:50%}.wiper img{display:block;width:100%}"
@@ -146,7 +146,8 @@ void write_report(const std::filesystem::path& path, const Report& report) {
     if (!report.turn.png.empty()) html += figure(report.turn);
     if (!report.advice.empty()) {
         html += "<h2>What would make it better</h2><ul>";
-        for (const std::string& sentence : report.advice) html += "<li>" + escape(sentence) + "</li>";
+        for (const auto& [text, more] : report.advice)
+            html += "<li>" + escape(text) + " <span class=\"more\">Read " + escape(more) + ".</span></li>";
         html += "</ul>";
     }
     if (!report.next.empty()) {

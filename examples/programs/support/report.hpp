@@ -29,8 +29,8 @@ struct Fact {
 
 struct Report {
     std::string title;
-    std::string verdict;                                   ///< one sentence
-    std::vector<std::string> advice;                       ///< one sentence each
+    std::string verdict;                                     ///< one sentence
+    std::vector<std::pair<std::string, std::string>> advice; ///< what is wrong and what to do; where to read more
     Picture render, photograph;                            ///< of the same size; the reader wipes from one to the other
     Picture turn;                                          ///< the person from all around
     std::vector<std::pair<std::string, std::string>> next; ///< what the reader can do, and the command for it

@@ -2,6 +2,7 @@
 #include "support/results.hpp"
 
 #include "support/figures.hpp"
+#include "support/help.hpp"
 #include "support/interrupts.hpp"
 #include "support/judgement.hpp"
 #include "support/machine.hpp"
@@ -444,9 +445,12 @@ std::optional<TestFigures> write_results(OutputFolder& out, const ReconstructOpt
     const Verdict verdict = verdict_of(known);
     figures.findings.insert(figures.findings.begin(), verdict.headline);
     json["verdict"] = verdict.headline;
-    json["advice"] = verdict.advice;
+    json["advice"] = Json::array();
     report.verdict = verdict.headline;
-    report.advice = verdict.advice;
+    for (const auto& [doubt, text] : verdict.advice) {
+        json["advice"].push_back({{"doubt", doubt}, {"text", text}, {"help", help_link(doubt)}});
+        report.advice.emplace_back(text, help_text({doubt}));
+    }
     std::string files;
     for (std::size_t p = 0; p < people; ++p)
         files += " " + shell_word((o.out / (result_name(setup, "avatar", p) + ".gsh")).string());

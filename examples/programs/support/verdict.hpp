@@ -20,10 +20,16 @@ struct VerdictInput {
     std::uint64_t steps = 0;
 };
 
-/// A sentence on the whole, and one for each thing that can be improved, the most important first.
+/// Something that can be improved.
+struct Advice {
+    std::string doubt; ///< its name: "weak-hands"
+    std::string text;  ///< what is wrong, and what to do
+};
+
+/// A sentence on the whole, and what can be improved, the most important first.
 struct Verdict {
     std::string headline;
-    std::vector<std::string> advice;
+    std::vector<Advice> advice;
 };
 
 /// Limits are those at which a reader of docs/quality.md sees a difference: the paper's configuration reaches 29 dB on

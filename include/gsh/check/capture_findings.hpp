@@ -56,6 +56,12 @@ struct CaptureFinding {
     std::string text = {};                 ///< one line: the fault, both numbers, the remedy
 };
 
+/// What follows for filming and training from a figure that no mistake explains.
+struct CaptureAdvice {
+    std::string doubt = {}; ///< its name: "rough-poses"
+    std::string text = {};  ///< one line
+};
+
 struct CaptureCheck {
     std::vector<ViewCheck> views;         ///< all images that were checked, camera by camera
     std::vector<CaptureFinding> findings; ///< empty if nothing is suspicious
@@ -121,22 +127,23 @@ struct ExposureDrift {
     return drift;
 }
 
-/// What follows for filming and training from figures that no mistake explains, one line each.
+/// What follows for filming and training from figures that no mistake explains.
 ///
 /// Poses   Exact poses of a person in loose clothes overlap by 0.86, with errors of a centimetre by 0.82, of 4 cm by
 ///         0.7. A frame stands out if it lies far below the median of the frames.
 /// Light   Under lamps that do not change, photographs seem to differ by up to 0.36 stops in range, and by 4% in white
 ///         balance: a person who turns or bends shows other sides to lamps and shadows.
 /// Masks   A blob of a tenth of the person's height takes 1% to 5% of the body.
-[[nodiscard]] inline std::vector<std::string> advice(const Capture& capture, const CaptureCheck& check) {
-    std::vector<std::string> lines;
+[[nodiscard]] inline std::vector<CaptureAdvice> advice(const Capture& capture, const CaptureCheck& check) {
+    std::vector<CaptureAdvice> all;
+    const auto add = [&](const char* doubt, const std::string& text) { all.push_back({doubt, text}); };
     const std::optional<double> iou = check.mean_iou();
-    if (!iou) return lines;
+    if (!iou) return all;
     const bool plain = check.findings.empty();
     if (plain && *iou < 0.79)
-        lines.push_back("poses look rough: mask and posed body overlap by " + detail::digits(*iou, 2) +
-                        ", 0.86 is usual in loose clothes; gsh-reconstruct --refine fits poses and shape before "
-                        "training");
+        add("rough-poses", "poses look rough: mask and posed body overlap by " + detail::digits(*iou, 2) +
+                               ", 0.86 is usual in loose clothes; gsh-reconstruct --refine fits poses and shape "
+                               "before training");
     const std::map<std::size_t, double> frames = frame_overlaps(check);
     std::vector<double> overlaps;
     for (const auto& [frame, mean] : frames) overlaps.push_back(mean);
@@ -145,32 +152,32 @@ struct ExposureDrift {
     for (const auto& [frame, mean] : frames)
         if (mean < usual.median - std::max(0.05, 4 * usual.deviation)) low.emplace_back(frame, mean);
     if (plain && frames.size() >= 5 && !low.empty())
-        lines.push_back("frames " + detail::listing(low.size(), 6, [&](std::size_t i) {
-                            return std::to_string(low[i].first) + " (" + detail::digits(low[i].second, 2) + ")";
-                        }) + ": mask and posed body overlap less than in the others (" +
-                        detail::digits(usual.median, 2) + "), so a pose or a mask is wrong there; gsh-reconstruct "
-                        "--refine corrects poses, and gives frames that stay wrong less weight");
+        add("odd-frames", "frames " + detail::listing(low.size(), 6, [&](std::size_t i) {
+                              return std::to_string(low[i].first) + " (" + detail::digits(low[i].second, 2) + ")";
+                          }) + ": mask and posed body overlap less than in the others (" +
+                              detail::digits(usual.median, 2) + "), so a pose or a mask is wrong there; "
+                              "gsh-reconstruct --refine corrects poses, and gives frames that stay wrong less weight");
     if (const ExposureDrift drift = exposure_drift(check); drift.brightest - drift.darkest > 0.4 || drift.white > 0.045)
-        lines.push_back("exposure drifts from " + detail::digits(drift.darkest, 2) + " to " +
-                        detail::digits(drift.brightest, 2) + " stops, white balance by up to " +
-                        detail::digits(100 * drift.white, 0) +
-                        "%: gsh-reconstruct learns both for each photograph by default (gain.rate); lock them when "
-                        "you film again");
+        add("exposure-drift", "exposure drifts from " + detail::digits(drift.darkest, 2) + " to " +
+                                  detail::digits(drift.brightest, 2) + " stops, white balance by up to " +
+                                  detail::digits(100 * drift.white, 0) +
+                                  "%: gsh-reconstruct learns both for each photograph by default (gain.rate); lock "
+                                  "them when you film again");
     std::vector<ViewCheck> torn;
     bool removed = false;
     for (const ViewCheck& v : check.views)
         if (v.missing && *v.missing > 0.003) torn.push_back(v), removed = removed || v.background_removed;
     if (plain && *iou >= 0.79 && !torn.empty())
-        lines.push_back("masks lack a part of the person in " +
-                        detail::listing(torn.size(), 6, [&](std::size_t i) {
-                            const auto& [view, missing] = std::pair(torn[i].view, *torn[i].missing);
-                            return capture.cameras[view.camera].name + "/" + std::to_string(view.frame) + " (" +
-                                   detail::digits(100 * missing, 1) + "% of the body)";
-                        }) +
-                        (removed ? ": mend them, and keep the photograph's own colours where alpha is 0, so that "
-                                   "training need not believe the masks' outlines"
-                                 : std::string(": mend these masks, or ") + detail::leave_out_remedy));
-    return lines;
+        add("torn-masks", "masks lack a part of the person in " +
+                              detail::listing(torn.size(), 6, [&](std::size_t i) {
+                                  const auto& [view, missing] = std::pair(torn[i].view, *torn[i].missing);
+                                  return capture.cameras[view.camera].name + "/" + std::to_string(view.frame) + " (" +
+                                         detail::digits(100 * missing, 1) + "% of the body)";
+                              }) +
+                              (removed ? ": mend them, and keep the photograph's own colours where alpha is 0, so "
+                                         "that training need not believe the masks' outlines"
+                                       : std::string(": mend these masks, or ") + detail::leave_out_remedy));
+    return all;
 }
 
 } // namespace gsh
