@@ -8,6 +8,14 @@
 
 namespace gsh::test {
 
+/// Steps of a long training: as many as show that nothing drifts on a GPU; fewer on the emulation, which takes a
+/// thousand times as long.
+#if defined(GSH_CUDA_EMULATION)
+inline constexpr int long_training = 24;
+#else
+inline constexpr int long_training = 50;
+#endif
+
 /// Whether no GPU answers; then the running test case is reported as skipped. The emulation always answers.
 [[nodiscard]] inline bool skip_without_device() {
     if (cuda::Device::available()) return false;

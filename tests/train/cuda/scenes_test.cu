@@ -30,9 +30,9 @@ TEST_CASE("a static scene trains on the device as on the CPU, through changes of
 TEST_CASE("two people train on the device as on the CPU, with the same bits each time") {
     if (skip_without_device()) return;
     const SmallScene scene;
-    const Outcome found = train_people<Device>(scene, 50);
-    check_near(found, train_people<cpu::Serial>(scene, 50));
-    check_same(found, train_people<Device>(scene, 50));
+    const Outcome found = train_people<Device>(scene, long_training);
+    check_near(found, train_people<cpu::Serial>(scene, long_training));
+    check_same(found, train_people<Device>(scene, long_training));
 }
 
 TEST_CASE("an overflow changes no bit of a static scene or of two people") {
@@ -44,16 +44,16 @@ TEST_CASE("an overflow changes no bit of a static scene or of two people") {
     };
     compare(train_static<Device>(scene, 50, FirstView::far),
             train_static<Device>(scene, 50, FirstView::far_then_nearest));
-    compare(train_people<Device>(scene, 50, FirstView::far),
-            train_people<Device>(scene, 50, FirstView::far_then_nearest));
+    compare(train_people<Device>(scene, long_training, FirstView::far),
+            train_people<Device>(scene, long_training, FirstView::far_then_nearest));
 }
 
-TEST_CASE("50 steps of the paper's avatar with refined poses, shape and cameras are those of the CPU") {
+TEST_CASE("the paper's avatar with refined poses, shape and cameras trains as on the CPU") {
     if (skip_without_device()) return;
     const SmallScene scene;
-    const Outcome found = train_paper<Device>(scene, 50);
-    check_near(found, train_paper<cpu::Serial>(scene, 50));
-    check_same(found, train_paper<Device>(scene, 50));
+    const Outcome found = train_paper<Device>(scene, long_training);
+    check_near(found, train_paper<cpu::Serial>(scene, long_training));
+    check_same(found, train_paper<Device>(scene, long_training));
 }
 
 TEST_CASE("poses, shape and cameras are refined on the device as on the CPU") {
@@ -177,10 +177,10 @@ TEST_CASE("steps after an overflow change nothing, and are taken again with the 
         CHECK(trainer.step_count() == (large_from_the_start ? 12 : near));
         others.run(0, [] {});
         CHECK(others.settle() == 0);
-        while (trainer.step_count() < 50) trainer.step(0.5);
+        while (trainer.step_count() < long_training) trainer.step(0.5);
         trainer.settle();
-        CHECK(trainer.step_count() == 50);
-        CHECK(refinement.step_count() == 50);
+        CHECK(trainer.step_count() == long_training);
+        CHECK(refinement.step_count() == long_training);
         observe(trainer, scene.photos[1], outcome);
         outcome.learned = training.parameters();
         const auto state = refinement.state();
@@ -264,7 +264,7 @@ struct GrowingTraining {
 TEST_CASE("an overflow in the middle of a run with everything refined changes no bit") {
     if (skip_without_device()) return;
     const SmallScene scene;
-    const std::uint64_t at = 25, steps = 50;
+    const std::uint64_t at = long_training / 2, steps = long_training;
     const auto train = [&](bool large_from_the_start) {
         GrowingTraining training(scene, at);
         if (large_from_the_start) {
@@ -272,7 +272,7 @@ TEST_CASE("an overflow in the middle of a run with everything refined changes no
             enlarge_buffers(FirstView::far_then_nearest, training.trainer, scene.photos);
             training.people.grow(1);
         }
-        training.train(20, 20);
+        training.train(at - 5, at - 5);
         training.train(steps, steps);
         CHECK(std::count(training.failed.begin(), training.failed.end(), at) == (large_from_the_start ? 0 : 1));
         if (large_from_the_start) CHECK(training.failed.empty());
