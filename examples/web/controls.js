@@ -48,6 +48,7 @@ gsh.controls = (() => {
       if (document.activeElement !== number && number.value !== digitsAndUnit) number.value = digitsAndUnit;
       if (x === written) return;
       track.value = written = x;
+      track.setAttribute("aria-valuetext", digitsAndUnit);
       showShare(track, Math.min(Math.max(0, least), most), Number(track.value));
     };
     track.addEventListener("input", () => {
@@ -117,7 +118,7 @@ gsh.controls = (() => {
       if (!group.children.length) continue;
       group.details = make("details", { open: title === "body", "data-group": title,
                                         ontoggle: () => shown && showGroup(group) },
-        make("summary", {}, title, make("span", { class: "count" }, `${group.children.length}`)), ...group.children);
+        make("summary", {}, `${title} `, make("span", { class: "count" }, `${group.children.length}`)), ...group.children);
       gsh.keys.rove(group.details, group.rows, ["ArrowUp"], ["ArrowDown"]); // a group is one tab stop, not many
       element.append(group.details);
     }

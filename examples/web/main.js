@@ -345,6 +345,7 @@ gsh.view = (() => {
   function showTransport() {
     const { frames, frame, playing } = player, scrub = element("scrub"), play = element("play");
     scrub.max = frames - 1, scrub.value = frame, scrub.disabled = play.disabled = frames < 2;
+    scrub.setAttribute("aria-valuetext", `${frame + 1} of ${frames}`);
     gsh.controls.showShare(scrub, 0, frame);
     play.classList.toggle("playing", playing);
     play.setAttribute("aria-label", playing ? "pause" : "play");
