@@ -52,6 +52,10 @@ gsh.OrbitCamera = class {
   listen(element, changed) {
     const pointers = new Map();
     element.addEventListener("contextmenu", (event) => event.preventDefault());
+    element.addEventListener("mousedown", (event) => { // keys then go to the page: Tab alone focuses the picture
+      event.preventDefault();
+      document.activeElement?.blur();
+    });
     element.addEventListener("pointerdown", (event) => {
       element.setPointerCapture(event.pointerId);
       pointers.set(event.pointerId, [event.clientX, event.clientY]);

@@ -26,7 +26,8 @@ gsh.ClientEngine = class {
     this.onOrder = this.onLost = () => {};
   }
 
-  async start(scene) {
+  /** report(stage, share, words) is called while it loads. */
+  async start(scene, report) {
     this.scene = scene;
     const kind = { alpha: false, antialias: false, preserveDrawingBuffer: true };
     const gl = this.gl = this.canvas.getContext("webgl2", kind);
@@ -35,7 +36,11 @@ gsh.ClientEngine = class {
     this.canvas.addEventListener("webglcontextlost", () => this.stopped || this.onLost());
     this.tools = new gsh.WebGl(gl);
     this.wide = this.tools.wide;
-    const pack = gsh.package.read(await this.source.gaussians());
+    const loading = "Loading the Gaussians";
+    report(loading);
+    const pack = gsh.package.read(await this.source.gaussians((share, words) => report(loading, share, words)));
+    report("Preparing the graphics card");
+    await gsh.notices.shown();
     this.filter = pack.header;
     this.people = [];
     let rows = 0;

@@ -48,6 +48,7 @@ gsh.controls = (() => {
       if (document.activeElement !== number && number.value !== digitsAndUnit) number.value = digitsAndUnit;
       if (x === written) return;
       track.value = written = x;
+      track.setAttribute("aria-valuetext", digitsAndUnit);
       showShare(track, Math.min(Math.max(0, least), most), Number(track.value));
     };
     track.addEventListener("input", () => {
@@ -64,7 +65,7 @@ gsh.controls = (() => {
     track.addEventListener("dblclick", () => (set(0), changed(0)));
     set(value);
     const text = make("span", { class: "label", title: title || label }, label);
-    return { row: make("div", { class: "slider" }, text, track, number), set };
+    return { row: make("div", { class: "slider" }, text, track, number), parts: [track, number], set };
   }
 
   const degrees = 180 / Math.PI;
@@ -72,12 +73,13 @@ gsh.controls = (() => {
   /**
    * Sliders for every axis of every joint, grouped, and for expression and shape. changed(kind, index, value) is called
    * with kind "pose", "expression", "betas" or "transl". Returns {element, show(state)}; closed groups are not updated.
+   * Tab reaches one slider of a group, and the arrow keys up and down lead to the others.
    */
   function poseSliders(person, changed) {
     const names = gsh.joints.names(person.joint_names, person.parents.length), groups = new Map();
     let shown = null;
     const groupOf = (title) => {
-      if (!groups.has(title)) groups.set(title, { children: [], setters: [] });
+      if (!groups.has(title)) groups.set(title, { children: [], setters: [], rows: [] });
       return groups.get(title);
     };
     /** One slider of a group. `factor` leads from the number of the pose to that of the slider. */
@@ -85,6 +87,7 @@ gsh.controls = (() => {
       const one = slider({ name: `${kind}-${index}`, value: 0, ...settings,
                            changed: (x) => changed(kind, index, x / factor) });
       group.setters.push((state) => one.set(state[kind][index] * factor));
+      group.rows.push(one.parts);
       return one.row;
     };
     const axes = (group, kind, first, factor, title, settings) => ["x", "y", "z"].map((axis, k) => {
@@ -95,7 +98,7 @@ gsh.controls = (() => {
     for (const title of ["body", "face", "left hand", "right hand"]) groupOf(title);
     names.forEach((name, j) => {
       const label = gsh.joints.label(name), group = groupOf(gsh.joints.group(name));
-      group.children.push(make("div", { class: "joint" }, make("h4", {}, label), ...axes(group, "pose", 3 * j, degrees,
+      group.children.push(make("div", { class: "joint" }, make("h3", {}, label), ...axes(group, "pose", 3 * j, degrees,
         label, { least: -180, most: 180, step: 0.5, digits: 0, unit: "°" })));
     });
     const numbers = (title, kind, count, most) => {
@@ -115,7 +118,8 @@ gsh.controls = (() => {
       if (!group.children.length) continue;
       group.details = make("details", { open: title === "body", "data-group": title,
                                         ontoggle: () => shown && showGroup(group) },
-        make("summary", {}, title, make("span", { class: "count" }, `${group.children.length}`)), ...group.children);
+        make("summary", {}, `${title} `, make("span", { class: "count" }, `${group.children.length}`)), ...group.children);
+      gsh.keys.rove(group.details, group.rows, ["ArrowUp"], ["ArrowDown"]); // a group is one tab stop, not many
       element.append(group.details);
     }
     const showGroup = (group) => group.details?.open && group.setters.forEach((set) => set(shown));

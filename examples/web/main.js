@@ -5,27 +5,73 @@
 gsh.view = (() => {
   const element = (id) => document.getElementById(id);
   const page = { person: 0, states: [], occlusion: [], motions: [], chosen: [], inputFps: 0, show: "splats",
-                 shadows: true, skeleton: false, follow: false, lightTurn: 0, background: [0x23 / 255, 0x27 / 255, 0x2e / 255],
-                 resolution: 540, fixedSize: null, pictures: 0 };
+                 shadows: true, skeleton: false, follow: false, lightTurn: 0,
+                 background: [0x23 / 255, 0x27 / 255, 0x2e / 255], resolution: 540, fixedSize: null, pictures: 0 };
   let scene, source, camera, player, engine, panel;
 
-  // ---- messages ----
+  const { say, stand, stage: showStage } = gsh.notices;
 
-  let messageTimer = 0;
-  function say(text, good = false) {
-    const box = element("message");
-    box.textContent = text, box.className = good ? "good" : "", box.hidden = false;
-    clearTimeout(messageTimer);
-    messageTimer = setTimeout(() => (box.hidden = true), good ? 3500 : 9000);
-  }
   /** The work with errors shown on the page. */
   const guarded = (work) => async (...inputs) => {
     try {
       return await work(...inputs);
     } catch (error) {
-      say(error.message);
+      if (error instanceof gsh.source.Gone) lose(error);
+      else say(error.message);
     }
   };
+
+  // ---- whether the page can be used ----
+
+  let begun = false, lost = false; // the engine has shown a picture; the server does not answer
+  let focused = null; // what had the focus when the controls began to rest
+  /** Controls rest while there is no picture that they could change. */
+  function showUse() {
+    const rests = !canBeUsed();
+    if (rests) focused = focused || document.activeElement;
+    for (const id of ["transport-controls", "sections"]) element(id).disabled = rests;
+    if (!rests && document.activeElement === document.body) focused?.focus();
+    if (!rests) focused = null;
+    element("connection").hidden = !lost;
+    panel?.showServer(!lost);
+  }
+  const canBeUsed = () => begun && !isWaiting();
+  /** The first picture is there, or an error in its place. */
+  function begin() {
+    if (begun) return;
+    begun = true;
+    gsh.notices.loaded();
+    showUse();
+  }
+
+  /** The server does not answer: says so and asks it until it does. */
+  async function lose(error) {
+    if (lost) return;
+    lost = true, source.giveUp();
+    showUse();
+    while (error) {
+      if (error.isAnother)
+        return stand("gsh-view was started anew, so the address of this page is no longer valid. Open the address " +
+          "that gsh-view prints.");
+      const rest = engine?.name === "client" ? "This browser draws on; files and other motions have to wait. " : "";
+      stand(`gsh-view has stopped, or cannot be reached. ${rest}This page goes on by itself when it answers again.`);
+      await new Promise((done) => setTimeout(done, 1500));
+      error = await source.probe().then(() => null, (again) => again);
+    }
+    if (!engine) return location.reload(); // it was lost while it loaded
+    lost = false, stand("");
+    showUse();
+    say("gsh-view answers again", "good");
+    change();
+  }
+  /** Asks the server now and then whether it is still there, also while nothing is drawn. */
+  function watchServer() {
+    if (!source.canDraw) return;
+    setInterval(() => {
+      if (document.hidden || lost || !begun || performance.now() - source.answered < 3000) return;
+      source.probe().catch((error) => error instanceof gsh.source.Gone && lose(error));
+    }, 2000);
+  }
 
   // ---- pictures ----
 
@@ -35,6 +81,7 @@ gsh.view = (() => {
   const change = () => { dirty = true, wake(); };
   /** Whether another request may be sent. In a motion, the next one waits at the server and keeps it busy. */
   const hasRoom = () => open < (player.playing && engine ? engine.requests : 1);
+  const isWaiting = () => lost && engine.name === "server";
 
   function pictureSize() {
     if (page.fixedSize) return page.fixedSize;
@@ -55,7 +102,7 @@ gsh.view = (() => {
 
   /** Draws if there is something new and a request may be sent. Earlier pictures may still be decoded. */
   async function drawIfNeeded() {
-    if (!dirty || !hasRoom() || !ready || saving) return;
+    if (!dirty || !hasRoom() || !ready || saving || isWaiting()) return;
     dirty = false, ++open;
     const wanted = request(), askers = waiting.splice(0), drawer = engine;
     let free = false;
@@ -73,13 +120,16 @@ gsh.view = (() => {
         ++page.pictures;
       }
     } catch (error) {
-      if (drawer === engine) say(error.message), pause();
+      if (error instanceof gsh.source.Gone) dirty = true, lose(error);
+      else if (drawer === engine) say(error.message), pause();
     }
     if (drawer !== engine) { // another engine was chosen meanwhile; it draws for them
       waiting.push(...askers);
       return change();
     }
     if (!free) --open;
+    if (isWaiting()) return waiting.push(...askers);
+    begin();
     for (const done of askers) done();
     showRate(), wake();
   }
@@ -92,7 +142,7 @@ gsh.view = (() => {
 
   /** Goes on with the motion, and draws. */
   function step() {
-    if (!hasRoom() || saving || document.hidden) return;
+    if (!hasRoom() || saving || document.hidden || isWaiting()) return;
     const now = performance.now();
     if (player.advance(Math.min((now - lastStep) / 1000, 0.25))) takeFrame();
     lastStep = now;
@@ -100,7 +150,7 @@ gsh.view = (() => {
   }
   /** Makes a step when the screen is next drawn, if there is anything to do then. */
   function wake() {
-    if (awake || !hasRoom() || saving || !ready || !(dirty || player.playing)) return;
+    if (awake || !hasRoom() || saving || !ready || !(dirty || player.playing) || isWaiting()) return;
     awake = true;
     requestAnimationFrame(() => {
       awake = false;
@@ -137,18 +187,20 @@ gsh.view = (() => {
   // ---- engines ----
 
   async function useEngine(name) {
-    ready = false;
+    ready = begun = false;
+    showUse();
     const canvas = document.createElement("canvas");
     canvas.hidden = true; // until it shows something
     const next = new (name === "client" ? gsh.ClientEngine : gsh.ServerEngine)(source, canvas);
     try {
-      await next.start(scene);
+      await next.start(scene, showStage);
     } catch (error) {
       next.stop();
-      ready = !!engine;
-      if (name !== "client" || !source.canDraw) throw error;
-      say(`${error.message}; the server draws instead`);
-      return useEngine("server");
+      const isGone = error instanceof gsh.source.Gone;
+      if (engine) ready = true, begin(), panel.showEngine(engine);
+      if (name !== "client" || !source.canDraw || isGone) throw error;
+      say(`${error.message}; the server draws instead`, "info");
+      return engine || useEngine("server");
     }
     if (engine) engine.stop();
     engine = next, open = 0;
@@ -159,6 +211,7 @@ gsh.view = (() => {
     });
     element("pictures").replaceChildren(canvas);
     panel.showEngine(engine);
+    showStage("Drawing the first picture");
     ready = true;
     change();
   }
@@ -223,19 +276,31 @@ gsh.view = (() => {
   const openFile = guarded(async (file) => {
     const p = page.person, list = page.motions[p];
     const motion = await source.read(file, p, page.inputFps, scene, list[0].loaded, engine?.people?.[p].body);
-    list.push({ name: motion.name, loaded: motion });
+    const { name, warnings } = motion, again = list.filter((one) => one.file === name).length;
+    list.push({ name: again ? `${name} (${again + 1})` : name, file: name, loaded: motion });
     if (p === page.person) panel.showMotions(list, list.length - 1);
     useMotion(p, list.length - 1);
-    if (motion.warnings.length) say(motion.warnings.join(" · "));
-    else say(`${motion.name}: ${motion.frames} frame${motion.frames > 1 ? "s" : ""}`, true);
+    const opened = `${name}: ${motion.frames} frame${motion.frames > 1 ? "s" : ""}`;
+    const notes = warnings.map((text) => text.startsWith(`${name}: `) ? text.slice(name.length + 2) : text);
+    say([opened, ...notes].join("; "), notes.length ? "info" : "good");
     if (player.frames > 1) play();
   });
 
   const poseFile = () => gsh.poseFile.write(person(), state());
-  function save(blob, name) {
+  /** A name for what is saved now: of the avatar, the motion and its frame. */
+  function savedName(ending) {
+    const parts = [scene.names.map((name) => name.replace(/\.[^.]*$/, "")).join("-")];
+    if (scene.people.length) {
+      parts.push(player.motions[page.person].name.replace(/\.[^.]*$/, ""));
+      if (player.frames > 1) parts.push(String(player.frame + 1));
+    }
+    return parts.join("-").replace(/[^\p{L}\p{N}]+/gu, "-") + ending;
+  }
+  function save(what, blob, name) {
     const url = URL.createObjectURL(blob), link = gsh.controls.make("a", { href: url, download: name });
     link.click();
     setTimeout(() => URL.revokeObjectURL(url), 10000);
+    say(`The ${what} is saved as ${name}, where the browser keeps downloads`, "good");
   }
 
   const actions = {
@@ -251,8 +316,15 @@ gsh.view = (() => {
       panel.showPerson(page.motions[p], page.chosen[p], person(), state());
     },
     resetView: () => { camera.reset(stageAspect()), change(); },
+    // in steps: of 7.5 degrees, of a twentieth of the picture's height
+    turn: (right, down) => { camera.turn(right * Math.PI / 24, down * Math.PI / 24), change(); },
+    move: (right, down) => { camera.pan(right * 0.05, down * 0.05), change(); },
+    zoom: (steps) => { camera.zoom(1.12 ** -steps), change(); },
     turnUpsideDown: (on) => { camera.up = on ? -1 : 1, change(); },
-    savePicture: guarded(async () => save(await picture(), "picture.png")),
+    savePicture: guarded(async () => {
+      const name = savedName(".png"); // of the moment when it was asked for
+      save("picture", await picture(), name);
+    }),
     changeNumber: (kind, index, value) => {
       if (player.playing) pause();
       edited.add(page.person);
@@ -265,7 +337,7 @@ gsh.view = (() => {
     mirror: () => changePose((s) => {
       s.pose = gsh.joints.mirrored(s.pose, gsh.joints.names(person().joint_names, person().parents.length));
     }),
-    savePose: () => save(poseFile(), "pose.npz"),
+    savePose: () => save("pose", poseFile(), savedName(".npz")),
   };
 
   // ---- what the page shows ----
@@ -273,6 +345,7 @@ gsh.view = (() => {
   function showTransport() {
     const { frames, frame, playing } = player, scrub = element("scrub"), play = element("play");
     scrub.max = frames - 1, scrub.value = frame, scrub.disabled = play.disabled = frames < 2;
+    scrub.setAttribute("aria-valuetext", `${frame + 1} of ${frames}`);
     gsh.controls.showShare(scrub, 0, frame);
     play.classList.toggle("playing", playing);
     play.setAttribute("aria-label", playing ? "pause" : "play");
@@ -282,8 +355,8 @@ gsh.view = (() => {
   const stageAspect = () => element("stage").clientWidth / Math.max(element("stage").clientHeight, 1);
 
   function listen() {
-    camera.listen(element("stage"), () => {
-      element("hint").classList.add("gone");
+    camera.listen(element("pictures"), () => {
+      gsh.notices.hintUsed();
       change();
     });
     new ResizeObserver(change).observe(element("stage"));
@@ -303,12 +376,10 @@ gsh.view = (() => {
       player.loop = !player.loop;
       element("loop").setAttribute("aria-pressed", String(player.loop));
     });
-    document.addEventListener("keydown", (event) => {
-      if (!scene.people.length || /^(INPUT|SELECT|BUTTON|SUMMARY)$/.test(event.target.tagName)) return;
-      if (event.key === " ") event.preventDefault(), element("play").click();
-      if (event.key === "ArrowRight") goTo(player.frame + 1);
-      if (event.key === "ArrowLeft") goTo(player.frame - 1);
-    });
+    const { turn, move, zoom, resetView } = actions;
+    const playing = { play: () => element("play").click(), step: (frames) => goTo(player.frame + frames) };
+    gsh.keys.listen(element("pictures"), { turn, move, zoom, reset: resetView }, scene.people.length ? playing : null,
+      canBeUsed);
     listenToDrops();
   }
 
@@ -329,14 +400,16 @@ gsh.view = (() => {
       const { files, items } = event.dataTransfer;
       if (!files[0]) return;
       if (items[0].webkitGetAsEntry()?.isDirectory)
-        return say(`${files[0].name}: is a folder; drop a file, or give the folder to gsh-motion`);
+        return say(`${files[0].name}: is a folder; drop a file, or let gsh-motion make an .npz of the folder`);
       if (!scene.people.length) return say(`${files[0].name}: this scene has no people to move`);
-      openFile(files[0]);
+      if (canBeUsed() && !lost) openFile(files[0]);
     });
   }
 
   async function start() {
+    gsh.notices.listen();
     source = gsh.source.open();
+    showStage("Loading the scene");
     scene = await source.scene();
     const { people } = scene;
     page.resolution = scene.size;
@@ -345,7 +418,11 @@ gsh.view = (() => {
     camera = new gsh.OrbitCamera(scene);
     camera.up = scene.y_down ? -1 : 1;
     camera.reset(stageAspect());
-    await Promise.all(page.motions.map(async (list, p) => (list[0].loaded = await source.motion(p, 0))));
+    for (const [p, list] of page.motions.entries()) {
+      const loading = `Loading the motion ${list[0].name}`;
+      showStage(loading);
+      list[0].loaded = await source.motion(p, 0, (share, words) => showStage(loading, share, words));
+    }
     const still = { frames: 1, seconds: [0], betas: [], frame: () => ({}) }; // of a scene without people
     player = new gsh.Player(people.length ? page.motions.map((list) => list[0].loaded) : [still]);
     const zeros = (count) => new Array(count).fill(0);
@@ -356,17 +433,20 @@ gsh.view = (() => {
     panel = new gsh.Panel(scene, page, source.canDraw, actions);
     if (people.length) panel.showPerson(page.motions[0], 0, person(), state());
     listen();
-    await useEngine(firstEngine());
     document.addEventListener("visibilitychange", wake);
-    if (player.frames > 1) play();
+    const first = nextPicture();
+    await useEngine(firstEngine());
+    await first;
+    watchServer();
+    if (player.frames > 1 && !matchMedia("(prefers-reduced-motion: reduce)").matches) play();
     else showTransport();
   }
+  /** Resolves when the next picture is shown. */
+  const nextPicture = () => new Promise((done) => { waiting.push(done), change(); });
 
-  const started = start().catch((error) => say(error.message));
+  const started = guarded(start)().then(() => begun || gsh.notices.loaded());
   return {
-    started, page, request, copyState, poseFile, pause, openFile, useEngine, picture,
-    /** Resolves when the next picture is shown. */
-    nextPicture: () => new Promise((done) => { waiting.push(done), change(); }),
+    started, page, request, copyState, poseFile, pause, openFile, useEngine, picture, nextPicture,
     /** Pictures of [width, height] pixels from now on, whatever the size of the window. */
     setSize: (size) => { page.fixedSize = size, change(); },
     get engine() { return engine; }, get camera() { return camera; }, get player() { return player; },

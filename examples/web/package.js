@@ -26,10 +26,17 @@ gsh.package = (() => {
     return { header, array, has: (name) => name in header.arrays };
   }
 
-  /** The bytes of a text in base 64. */
-  function fromBase64(text) {
-    const binary = atob(text.trim()), bytes = new Uint8Array(binary.length);
-    for (let i = 0; i < bytes.length; ++i) bytes[i] = binary.charCodeAt(i);
+  /** The bytes of a text in base 64, piece by piece. progress(share, total bytes) is called after each piece. */
+  async function fromBase64(text, progress) {
+    const digits = text.trim(), piece = 4 << 20; // characters; four hold three bytes
+    const bytes = new Uint8Array(digits.length / 4 * 3 - (digits.endsWith("==") ? 2 : digits.endsWith("=") ? 1 : 0));
+    for (let from = 0, at = 0; from < digits.length; from += piece) {
+      const binary = atob(digits.slice(from, from + piece));
+      for (let i = 0; i < binary.length; ++i) bytes[at++] = binary.charCodeAt(i);
+      if (!progress) continue;
+      progress(at / bytes.length, bytes.length);
+      await gsh.notices.shown();
+    }
     return bytes.buffer;
   }
 

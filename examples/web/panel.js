@@ -3,14 +3,16 @@
 "use strict";
 
 /**
- * actions: {change, useMotion(index), openFile(file), useEngine(name), resetView, savePicture, changeNumber, resetPose,
- * restPose, mirror, savePose, choosePerson(index), turnUpsideDown(on)}. `page` is the state that the controls change.
+ * actions: {change, useMotion(index), openFile(file), useEngine(name), resetView, turn(right, down), move(right, down),
+ * zoom(steps), savePicture, changeNumber, resetPose, restPose, mirror, savePose, choosePerson(index),
+ * turnUpsideDown(on)}. `page` is the state that the controls change.
  */
 gsh.Panel = class {
   constructor(scene, page, canChooseEngine, actions) {
     const { people } = scene;
     this.scene = scene, this.page = page, this.actions = actions;
     this.motions = null; // the list of motions, a select
+    this.needServer = []; // controls that do nothing without the server
     const parts = people.length ? [this.motionPart(), this.viewPart(canChooseEngine), this.posePart()]
       : [this.viewPart(canChooseEngine)];
     document.getElementById("sections").replaceChildren(...parts);
@@ -44,8 +46,9 @@ gsh.Panel = class {
       title: "frames per second of the files that you open, whatever they state",
       onchange: () => (this.page.inputFps = Number(rate.value) || 0) });
     const rateRow = make("label", { class: "row" }, make("span", {}, "File's fps"), rate);
-    return this.part("Motion", ...whose, motions.row, rateRow,
-      this.buttons(button("Open a motion…", "or drop a file onto the picture", () => file.click()), file));
+    const open = button("Open a motion…", "or drop a file onto the picture", () => file.click());
+    this.needServer.push(open, rate);
+    return this.part("Motion", ...whose, motions.row, rateRow, this.buttons(open, file));
   }
 
   viewPart(canChooseEngine) {
@@ -75,12 +78,29 @@ gsh.Panel = class {
     const names = [["server", "server: gsh draws"], ["client", "client: this browser"]];
     const engines = canChooseEngine ? [choice("Engine", names, null, actions.useEngine)] : [];
     this.engines = engines.length ? engines[0].select : null;
+    this.needServer.push(...engines.map((one) => one.select));
     this.note = make("p", { class: "note", hidden: true });
     return this.part("View", show.row, make("div", { class: "toggles" }, ...toggles), ...light,
       make("label", { class: "row" }, make("span", {}, "Background"), color), resolution.row,
-      ...engines.map((one) => one.row), this.note,
+      ...engines.map((one) => one.row), this.note, this.cameraPad(),
       this.buttons(button("Reset view", "from the front; a double click does the same", actions.resetView),
         button("Save PNG", "the picture without loss", actions.savePicture)));
+  }
+
+  /** What drags and the wheel do, as buttons; the arrow keys go from one to the next, so they are one tab stop. */
+  cameraPad() {
+    const { make, button } = gsh.controls, { turn, move, zoom } = this.actions;
+    const arrows = [["←", "left", -1, 0], ["→", "right", 1, 0], ["↑", "up", 0, -1], ["↓", "down", 0, 1]];
+    const rows = [["turn", turn, arrows], ["move", move, arrows], ["zoom", zoom, [["+", "in", 1], ["−", "out", -1]]]];
+    const pad = make("div", { class: "pad", role: "toolbar", "aria-label": "Camera" }), buttons = [];
+    for (const [what, act, signs] of rows) {
+      const own = signs.map(([sign, where, ...steps]) => button(sign, `${what} ${where}`, () => act(...steps)));
+      for (const one of own) one.setAttribute("aria-label", one.title);
+      buttons.push(...own);
+      pad.append(make("div", { class: "keys", role: "group", "aria-label": what }, make("span", {}, what), ...own));
+    }
+    gsh.keys.rove(pad, buttons.map((one) => [one]), ["ArrowLeft", "ArrowUp"], ["ArrowRight", "ArrowDown"]);
+    return make("div", { class: "row" }, make("span", {}, "Camera"), pad);
   }
 
   posePart() {
@@ -90,7 +110,9 @@ gsh.Panel = class {
       button("Reset", "back to the motion's frame", actions.resetPose),
       button("Rest pose", "all angles zero, no expression, the avatar's own shape", actions.restPose),
       button("Mirror", "exchange left and right", actions.mirror),
-      button("Save pose", "as .npz, which all programs of gsh read", actions.savePose)), this.sliderPlace);
+      button("Save pose", "as .npz, which all programs of gsh read", actions.savePose)),
+    make("p", { class: "note by-keys" }, "Keys on a slider: ← → change it, ↑ ↓ go to the next one."),
+    this.sliderPlace);
   }
 
   /** Shows the motions of a person, the chosen one of them, and the sliders. */
@@ -100,7 +122,14 @@ gsh.Panel = class {
     this.sliderPlace.replaceChildren(this.sliders.element);
     this.sliders.show(state);
   }
+  /** Whether the server answers; without it, controls rest that need it, and motions that are not loaded. */
+  showServer(answers) {
+    for (const control of this.needServer) control.disabled = !answers;
+    for (const [m, option] of [...this.motions?.options || []].entries())
+      option.disabled = !answers && !this.listed[m].loaded;
+  }
   showMotions(motions, chosen) {
+    this.listed = motions;
     const option = ({ name }, m) => gsh.controls.make("option", { value: String(m) }, name);
     this.motions.replaceChildren(...motions.map(option));
     this.motions.value = String(chosen);

@@ -12,7 +12,7 @@ gsh.ServerEngine = class {
     this.canvas = canvas;
     this.context = canvas.getContext("bitmaprenderer"); // shows a decoded image without copying it
   }
-  async start() {}
+  async start() {} // the server has loaded everything
 
   /** Calls `received` when the server is free again. Resolves to whether the picture is on the canvas. */
   async draw(request, received) {

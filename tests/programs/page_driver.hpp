@@ -36,6 +36,7 @@ const drag = async (slider, value) => {
   await view.nextPicture();
 };
 const press = (label) => [...document.querySelectorAll("button")].find((b) => b.textContent === label).click();
+const press_label = (label) => document.querySelector(`button[aria-label="${label}"]`).click();
 const choose = (select, value) => {
   select.value = value;
   select.dispatchEvent(new Event("change", { bubbles: true }));
@@ -67,7 +68,7 @@ public:
             checks_.push_back(content);
         else
             others_[name] = content;
-        if (name == "done") done_ = true;
+        if (name == "done" || content.starts_with("bad script")) done_ = true;
         arrived_.notify_all();
     }
     /// Waits for the end of the last script, or for a failure.
@@ -91,6 +92,11 @@ struct PlainServer {
     PlainServer(const std::string& page, PageReports& reports) {
         server.Get("/", [&page](const httplib::Request&, httplib::Response& response) {
             response.set_content(page, "text/html; charset=utf-8");
+        });
+        server.Get("/narrow", [](const httplib::Request&, httplib::Response& response) { // in a frame like a phone
+            response.set_content("<!doctype html><link rel=\"icon\" href=\"data:,\">"
+                                 "<iframe src=\"/\" width=320 height=640 style=\"border:0\"></iframe>",
+                                 "text/html; charset=utf-8");
         });
         server.Post("/report",
                     [&reports](const httplib::Request& request, httplib::Response&) { reports.take(request.body); });

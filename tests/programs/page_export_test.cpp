@@ -62,9 +62,9 @@ constexpr const char* drive_exported = R"js(
   const own = (name) => name === globalThis.reportTo || /^(blob|data):/.test(name);
   await check("nothing else is loaded", loaded.every(own));
   await view.openFile(new File(["HIERARCHY"], "walk.bvh"));
-  await check("a BVH is refused in words", /walk\.bvh.*gsh-motion/.test(find("#message").textContent));
+  await check("a BVH is refused in words", /walk\.bvh.*gsh-motion/.test(find("#message-text").textContent));
 
-  const message = () => find("#message").textContent;
+  const message = () => find("#message-text").textContent;
   view.page.states[0].transl = [3, 2, -1];
   const away = view.poseFile();
   await send("away", away);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 /// The page of gsh-view in headless Chromium: sliders, motions, dropped files, and the pictures of both engines.
 #include "io/bvh_files.hpp"
+#include "programs/page_audit.hpp"
 #include "programs/page_driver.hpp"
 #include "programs/view_scenes.hpp"
 #include "support/skip.hpp"
@@ -41,7 +42,17 @@ namespace {
 /// The actor: everything that the page does, then the pictures of both engines.
 constexpr const char* drive_actor = R"js(
 (async () => {
+  const message = () => find("#message-text").textContent, kind = () => find("#message").className;
+  const rests = () => find("#transport-controls").disabled && find("#sections").disabled;
+  const stages = [find("#loading-stage").textContent];
+  new MutationObserver((changes) => changes.forEach(({ addedNodes }) => stages.push(addedNodes[0].data)))
+    .observe(find("#loading-stage"), { childList: true });
+  await check("while it loads, the controls rest", rests() && !find("#loading").hidden);
   await view.started;
+  await until(() => stages.length > 2);
+  await check("it tells the stages: " + stages.join(), stages.join() ===
+    "Loading the scene,Loading the motion stride.npz,Drawing the first picture");
+  await check("after the first picture they do not", !rests() && find("#loading").hidden && view.page.pictures > 0);
   await check("without a graphics card the server draws", view.engine.name === "server");
   await check("a motion plays at once", view.player.playing);
   const before = view.page.pictures;
@@ -81,18 +92,21 @@ constexpr const char* drive_actor = R"js(
   await check("and its expression", Math.abs(view.page.states[0].expression[1] - 1.5) < 1e-6);
   await check("and its shape", Math.abs(view.page.states[0].betas[0] + 1) < 1e-6);
   await view.openFile(new File(["nonsense"], "bad.npz"));
-  await check("another file is refused in words", /bad\.npz/.test(find("#message").textContent));
+  await check("another file is refused in words", /^bad\.npz: .*\.bvh/.test(message()) && kind() === "error");
+  await view.openFile(new File([STRANGE], "strange.bvh"));
+  await check("the words are for the page: " + message(), /gsh-motion/.test(message()) && !/--/.test(message()));
   const walk = new DataTransfer();
   walk.items.add(new File([WALK], "walk.bvh"));
   document.dispatchEvent(new DragEvent("drop", { dataTransfer: walk, bubbles: true, cancelable: true }));
   await check("a dropped BVH becomes a motion", await until(() => view.player.leader.name === "walk.bvh"));
-  await check("the page says what was guessed", /centimetres/.test(find("#message").textContent));
+  await check("the page says what was guessed", /centimetres/.test(message()) && kind() === "info");
   view.pause();
   await drag(scrub, 2);
   await check("it changes the pose", view.page.states[0].pose.some((x, k) => Math.abs(x - pose.pose[k]) > 0.1));
   await send("walked", JSON.stringify(view.page.states[0]));
   await shoot("server-walk");
-  const stage = find("#stage"), yaw = view.camera.yaw, at = (type, x, y) => stage.dispatchEvent(new PointerEvent(type,
+  const stage = find("#pictures"), yaw = view.camera.yaw;
+  const at = (type, x, y) => stage.dispatchEvent(new PointerEvent(type,
     { pointerId: 1, clientX: x, clientY: y, buttons: 1, bubbles: true }));
   stage.setPointerCapture = () => {};
   at("pointerdown", 300, 300), at("pointermove", 380, 320), at("pointerup", 380, 320);
@@ -145,6 +159,47 @@ constexpr const char* drive_actor = R"js(
   const press_key = (key) => document.body.dispatchEvent(new KeyboardEvent("keydown", { key, bubbles: true }));
   press_key("ArrowLeft");
   await check("an arrow key goes to the frame before", view.player.frame === view.player.frames - 2);
+  const key_at = (one, key, more = {}) =>
+    one.dispatchEvent(new KeyboardEvent("keydown", { key, bubbles: true, cancelable: true, ...more }));
+  key_at(find("#play"), "ArrowLeft");
+  await check("also where the button has the focus", view.player.frame === view.player.frames - 3);
+  key_at(find("#speed"), "ArrowRight"), key_at(scrub, "ArrowRight");
+  await check("but not where a control uses the key", view.player.frame === view.player.frames - 3);
+  const placed = () => JSON.stringify([view.camera.yaw, view.camera.pitch, view.camera.target, view.camera.distance]);
+  const places = [placed()], frame_before = view.player.frame;
+  for (const [key, more] of [["ArrowLeft", {}], ["ArrowUp", {}], ["ArrowRight", { shiftKey: true }], ["+", {}]])
+    key_at(stage, key, more), places.push(placed());
+  await check("keys on the picture turn, move and zoom it", new Set(places).size === 5 &&
+    view.player.frame === frame_before);
+  const nearer = view.camera.distance;
+  key_at(stage, "-");
+  await check("minus is the way back", view.camera.distance > nearer);
+  key_at(stage, "0");
+  await check("and 0 the view from the front", view.camera.yaw === 0);
+  press_label("turn right"), press_label("zoom in"), press_label("move up");
+  await check("so do buttons", view.camera.yaw !== 0 && placed() !== places[0]);
+  await view.nextPicture();
+  finger("pointerdown", 4, 300, 300, { pointerType: "touch" }), finger("pointerup", 4, 300, 300);
+  await check("a finger gets the hint for fingers", /finger/.test(find("#hint").textContent));
+  finger("pointerdown", 4, 300, 300, { pointerType: "mouse" }), finger("pointerup", 4, 300, 300);
+  await check("the mouse that for the mouse", /wheel/.test(find("#hint").textContent));
+  const first_slider = find('input[data-name="pose-0"]'), number_of = (slider) => slider.nextElementSibling;
+  first_slider.focus(), key_at(first_slider, "ArrowDown");
+  await check("a slider's key goes to the next one", document.activeElement.dataset.name === "pose-1");
+  key_at(document.activeElement, "ArrowUp");
+  await check("and back", document.activeElement === first_slider && first_slider.tabIndex === 0 &&
+    number_of(first_slider).tabIndex === 0 && find('input[data-name="pose-1"]').tabIndex === -1);
+  await audit.everything("the page", 45);
+  find("#panel-toggle").click();
+  await check("the panel closes", find("#panel-toggle").getAttribute("aria-expanded") === "false" &&
+    !find("#panel").checkVisibility() && find("#stage").clientWidth === innerWidth);
+  await audit.everything("without the panel", 10);
+  find("#panel-toggle").click();
+  await check("and opens", find("#panel").checkVisibility());
+  find("#help-open").click();
+  await check("the help names the keys", /turn/.test(find("#help").textContent) && find("#help").open);
+  await audit.everything("the help", 1);
+  find("#help-close").click();
   const background = find('input[aria-label="background"]');
   background.value = "#ffffff", background.dispatchEvent(new Event("input"));
   await check("the background can be chosen", view.request().background.every((x) => x === 1));
@@ -174,9 +229,12 @@ constexpr const char* drive_actor = R"js(
   await shoot("client-ellipsoids");
   view.page.show = "splats";
 
+  await check("another engine tells its stages: " + stages.slice(3).join(), stages.slice(3).join() ===
+    "Loading the Gaussians,Preparing the graphics card,Drawing the first picture");
   const saved = [], address = URL.createObjectURL;
   URL.createObjectURL = (blob) => (saved.push(blob), address(blob));
-  HTMLAnchorElement.prototype.click = () => {}; // no downloads
+  const names = [];
+  HTMLAnchorElement.prototype.click = function () { names.push(this.download); }; // no downloads
   find("#play").click();
   const shown = view.page.pictures;
   await check("the client plays", await until(() => view.player.playing && view.page.pictures > shown + 2));
@@ -187,6 +245,38 @@ constexpr const char* drive_actor = R"js(
   await send("picture client-saved", saved[0]);
   const later = view.page.pictures;
   await check("and the motion goes on", await until(() => view.player.playing && view.page.pictures > later + 2));
+  const confirms = (name) => kind() === "good" && message().includes(name);
+  await check("it says under which name: " + message(), confirms(names[0]) && /^actor-.+-\d+\.png$/.test(names[0]));
+  press("Save pose");
+  await check("also for a pose: " + message(), confirms(names[1]) && /^actor-.+-\d+\.npz$/.test(names[1]));
+
+  // The server stops, and is there again; then another one answers in its place.
+  const ask = fetch, reaches = (answer) => (globalThis.fetch = (path, options) =>
+    /^(report|http)/.test(path) ? ask(path, options) : answer(path, options));
+  const gone = () => Promise.reject(new TypeError("Failed to fetch"));
+  const stopped = () => /stopped/.test(message()) && kind() === "error" && !find("#connection").hidden;
+  reaches(gone);
+  await check("the client's page notices by itself that the server has stopped", await until(stopped));
+  await check("it draws on", !rests() && find('select[aria-label="Engine"]').disabled);
+  const without = view.page.pictures;
+  await check("also while a motion plays", await until(() => view.page.pictures > without + 2));
+  reaches(ask);
+  await check("it notices that it is back", await until(() => /^gsh-view answers again/.test(message())));
+  await check("and all controls are, too", !find('select[aria-label="Engine"]').disabled);
+  await view.useEngine("server");
+  await view.nextPicture();
+  reaches(gone);
+  await check("the server's page rests", await until(() => stopped() && rests()));
+  press_key(" ");
+  await new Promise((done) => setTimeout(done, 2500));
+  await check("it stays so", stopped() && rests());
+  reaches(ask);
+  await check("until the server is back", await until(() => !rests() && find("#connection").hidden));
+  const after = view.page.pictures;
+  await check("then the motion goes on", await until(() => view.player.playing && view.page.pictures > after + 2));
+  reaches(async () => new Response("key: is missing or wrong\n", { status: 403 }));
+  await check("another server is told from it", await until(() => /address that gsh-view prints/.test(message())));
+  await check("and the controls rest", rests());
   location.href = NEXT;
 })();
 )js";
@@ -229,8 +319,9 @@ constexpr const char* drive_other = R"js(
   const folder = { files: [{ name: "motions" }], items: [{ webkitGetAsEntry: () => ({ isDirectory: true }) }] };
   Object.defineProperty(drop, "dataTransfer", { value: folder });
   document.dispatchEvent(drop);
-  const words = () => find("#message").textContent;
+  const words = () => find("#message-text").textContent;
   await check("a folder is refused", drop.defaultPrevented && /^motions: is a folder/.test(words()));
+  await audit.everything(NAME, 45);
   if (!people) {
     const box = { centre: [0, 0, 0], half: [1, 1, 1] }, up = new gsh.OrbitCamera(box), down = new gsh.OrbitCamera(box);
     down.up = -1;
@@ -266,7 +357,15 @@ constexpr const char* drive_carried = R"js(
   const read = view.player.leader.name === "own.npz" && view.page.states[0].pose.length === 165;
   await check("it reads gsh's own poses", read);
   await shoot("carried-client-dropped");
-  await send("done", "");
+  await view.openFile(saved);
+  const names = [...find('select[aria-label="Motion"]').options].map((option) => option.textContent);
+  await check("the same name again gets a number: " + names.join(), names.slice(-2).join() === "own.npz,own.npz (2)");
+  await check("in a narrow frame it is narrow", (innerWidth === 320) === (globalThis !== top));
+  await audit.everything(`a page of ${innerWidth} pixels`, 45);
+  find("#help-open").click();
+  await audit.everything(`its help at ${innerWidth} pixels`, 1);
+  if (globalThis === top) location.href = "narrow";
+  else await send("done", "");
 })();
 )js";
 
@@ -274,7 +373,7 @@ constexpr const char* drive_carried = R"js(
 struct Served {
     Served(cpu::Threads& backend, ViewScene shown, const std::string& script, test::PageReports& reports)
         : scene(std::move(shown)), server(backend, scene,
-                                          {.script = test::page_gestures + script,
+                                          {.script = std::string(test::page_gestures) + test::page_audit + script,
                                            .report = [&reports](const std::string& body) { reports.take(body); }}),
           thread([this] { server.run(stop); }) {}
     ~Served() {
@@ -328,7 +427,7 @@ TEST_CASE("gsh-view in a browser: both engines draw what gsh-animate renders, an
     const std::string carried = make_page({{"scene", describe(carried_scene)},
                                            {"gaussians", package_scene(carried_scene, ScenePacking::compact)},
                                            {"motion-0-0", package_motion(carried_scene.motions[0][0])}},
-                                          std::string(test::page_gestures) + drive_carried);
+                                          std::string(test::page_gestures) + test::page_audit + drive_carried);
     const test::PlainServer plain(carried, reports);
 
     {
@@ -345,17 +444,20 @@ TEST_CASE("gsh-view in a browser: both engines draw what gsh-animate renders, an
         serve(test::view_scene({files.polar, files.dual}, {files.left, files.right}), drive_other, "tubes");
         next += "&engine=client";
         const std::string walk = test::bvh_text(test::sample_rig({.names = test::Names::cmu, .units = 100}), "ZYX");
-        const std::string drive = test::filled_in(drive_actor, "WALK", nlohmann::json(walk).dump());
+        const std::string strange = "HIERARCHY\nROOT Bone\n{\nOFFSET 0 0 0\nCHANNELS 3 Zrotation Xrotation Yrotation\n"
+                                    "End Site\n{\nOFFSET 0 1 0\n}\n}\nMOTION\nFrames: 1\nFrame Time: 0.1\n0 0 0\n";
+        const std::string drive = test::filled_in(test::filled_in(drive_actor, "WALK", nlohmann::json(walk).dump()),
+                                                  "STRANGE", nlohmann::json(strange).dump());
         serve(test::view_scene({files.actor}, {files.stride, files.reach}), drive.c_str(), "actor");
 
         const test::Browser browser(next);
-        const bool finished = reports.wait(std::chrono::seconds(150));
+        const bool finished = reports.wait(std::chrono::seconds(240));
         if (!finished) FAIL_CHECK("the scripts did not end; the browser says: " << browser.log());
         for (const std::string& check : reports.checks()) {
             INFO(check);
             CHECK(check.starts_with("good "));
         }
-        CHECK(reports.checks().size() >= 35);
+        CHECK(reports.checks().size() >= 130);
         CHECK(check_pictures(reports, "cloud", servers[0]->scene, backend) == 3);
         CHECK(check_pictures(reports, "tubes", servers[1]->scene, backend) == 3);
         CHECK(check_pictures(reports, "server", servers[2]->scene, backend) == 9);

@@ -4,12 +4,14 @@
 #include "programs/view_answers.hpp"
 #include "programs/view_scenes.hpp"
 
+#include "view/view_content.hpp"
 #include "view/view_page.hpp"
 #include "view/view_request.hpp"
 #include "view/view_scene.hpp"
 #include "view/view_server.hpp"
 
 #include <gsh/io/file/atomic_file.hpp>
+#include <gsh/io/file/gzip.hpp>
 #include <gsh/io/image/image_file.hpp>
 #include <gsh/loss/metrics.hpp>
 
@@ -25,6 +27,7 @@
 #include <cstring>
 #include <filesystem>
 #include <fstream>
+#include <new>
 #include <string>
 #include <thread>
 #include <utility>
@@ -145,6 +148,90 @@ TEST_CASE("gsh-view: the server sends the page, the scene and its motions") {
     check_refusal(client.Post(s.path("/report"), "", "text/plain"), 404, {"nothing"});
 }
 
+TEST_CASE("gsh-view: a browser on this machine gets nothing compressed, and keeps what does not change") {
+    RunningServer& s = running_server();
+    auto client = s.client();
+    client.set_decompress(false);
+    const httplib::Headers browser{{"Accept-Encoding", "gzip, deflate, br"}};
+    for (const char* path : {"/", "/scene", "/gaussians", "/motion?person=0&motion=0"}) {
+        INFO(path);
+        const auto answer = client.Get(s.path(path), browser);
+        REQUIRE(answer);
+        CHECK(!answer->has_header("Content-Encoding"));
+        CHECK(answer->get_header_value("Content-Length") == std::to_string(answer->body.size()));
+        CHECK(answer->get_header_value_count("Cache-Control") == 1);
+        const std::string caching = answer->get_header_value("Cache-Control");
+        CHECK(caching == (path == std::string("/") ? "private, no-cache" : "private, max-age=86400, immutable"));
+        const auto head = client.Head(s.path(path), browser);
+        REQUIRE(head);
+        CHECK(head->status == 200);
+        CHECK(head->body.empty());
+    }
+    const auto page = client.Get(s.path("/"), browser);
+    httplib::Headers again = browser;
+    again.emplace("If-None-Match", page->get_header_value("ETag"));
+    const auto same = client.Get(s.path("/"), again);
+    REQUIRE(same);
+    CHECK(same->status == 304);
+    CHECK(same->body.empty());
+    again.erase("If-None-Match"), again.emplace("If-None-Match", "W/\"1-1\"");
+    CHECK(client.Get(s.path("/"), again)->body == page->body);
+    for (const char* path : {"/scene?key=0", "/motion?person=0&motion=9"}) { // refusals are not kept
+        const auto refused = client.Get(path[1] == 's' ? path : s.path(path), browser);
+        CHECK(refused->get_header_value("Cache-Control") == "no-store");
+    }
+}
+
+TEST_CASE("gsh-view: what does not change is made once, and compressed for other machines") {
+    std::atomic<int> made{0};
+    const std::string text(100'000, 'x');
+    const auto make = [&] {
+        if (++made == 1) throw std::bad_alloc();
+        return text;
+    };
+    KeptContent page("text/html; charset=utf-8", KeptContent::Caching::ask, make);
+    KeptContent numbers("application/octet-stream", KeptContent::Caching::forever, [&] { return text; });
+    const auto answer = [](KeptContent& content, const char* address, const char* accepted) {
+        httplib::Request request;
+        httplib::Response response;
+        request.remote_addr = address;
+        request.set_header("Accept-Encoding", accepted);
+        content.answer(request, response);
+        std::string body;
+        httplib::DataSink sink;
+        sink.write = [&](const char* data, std::size_t size) {
+            body.append(data, size);
+            return true;
+        };
+        while (body.size() < response.content_length_)
+            REQUIRE(response.content_provider_(body.size(), response.content_length_ - body.size(), sink));
+        return std::pair{response.get_header_value("Content-Encoding"), body};
+    };
+    CHECK_THROWS_AS((void)answer(page, "127.0.0.1", "gzip"), std::bad_alloc); // the next request tries again
+    std::vector<std::thread> clients;
+    for (int i = 0; i < 8; ++i)
+        clients.emplace_back([&] {
+            httplib::Request request;
+            httplib::Response response;
+            page.answer(request, response);
+        });
+    for (std::thread& client : clients) client.join();
+    CHECK(made == 2);
+    CHECK(answer(page, "127.0.0.1", "gzip, br") == std::pair{std::string(), text});
+    CHECK(answer(page, "192.168.1.5", "br") == std::pair{std::string(), text});
+    const auto [encoding, body] = answer(page, "192.168.1.5", "gzip, br");
+    CHECK(encoding == "gzip");
+    CHECK(body.size() < 1000);
+    std::string inflated(text.size(), '\0');
+    GzipReader(body, "page").read(inflated.data(), inflated.size());
+    CHECK(inflated == text);
+    CHECK(answer(numbers, "192.168.1.5", "gzip") == std::pair{std::string(), text});
+    CHECK(made == 2);
+    for (const char* own : {"127.0.0.1", "127.1.2.3", "::1", "::ffff:127.0.0.1"}) CHECK(is_loopback_address(own));
+    for (const char* other : {"", "10.0.0.1", "192.168.1.127", "::ffff:10.0.0.1", "fe80::1"})
+        CHECK(!is_loopback_address(other));
+}
+
 TEST_CASE("gsh-view: the server reads a motion that is sent, and names no path of its own") {
     RunningServer& s = running_server();
     auto client = s.client();
@@ -157,6 +244,8 @@ TEST_CASE("gsh-view: the server reads a motion that is sent, and names no path o
     CHECK(header["arrays"]["pose"]["shape"] == ViewJson{3, 165});
     check_refusal(client.Post(s.path("/motion?person=0&name=a.npz"), bytes.substr(0, 300), ""), 400, {"a.npz"});
     check_refusal(client.Post(s.path("/motion?person=0&name=a.npz"), "", ""), 400, {"a.npz"});
+    check_refusal(client.Post(s.path("/motion?person=0&name=a.jpg"), "\xFF\xD8\xFF", ""), 400,
+                  {"a.jpg", "reads motions as .npz, .bvh, .glb, .gltf, .vrm and .vrma"});
     check_refusal(client.Post(s.path("/motion?person=7&name=a.npz"), bytes, ""), 400, {"person 7"});
     const auto garbage = client.Post(s.path("/motion?person=0&name=%0Aa%22.bvh"), "HIERARCHY\nROOT", "");
     check_refusal(garbage, 400, {".bvh"});

@@ -9,6 +9,7 @@
 #include "view/jpeg.hpp"
 #include "view/motion_occlusion.hpp"
 #include "view/package.hpp"
+#include "view/shown_names.hpp"
 #include "view/view_package.hpp"
 #include "view/view_page.hpp"
 #include "view/view_painter.hpp"
@@ -325,4 +326,79 @@ TEST_CASE("gsh-view: a joint map names joints of motions, also of those that the
     stated.input_fps = {15, 30};
     CHECK_THROWS_AS((void)load_view_scene(avatar, poses, {}, stated, warnings), ValueError);
     CHECK_THROWS_AS((void)read_sent_motion(test::view_scene(avatar), 0, "walk.bvh", walk, warnings), IoError);
+}
+
+TEST_CASE("gsh-view: names of files tell them apart") {
+    using Names = std::vector<std::string>;
+    CHECK(names_of_files({"runs/stride.npz", "reach.npz"}) == Names{"stride.npz", "reach.npz"});
+    CHECK(names_of_files({"hard/poses.npz", "soft/poses.npz", "x/walk.bvh"}) ==
+          Names{"hard/poses.npz", "soft/poses.npz", "walk.bvh"});
+    CHECK(names_of_files({"a/1/poses.npz", "b/1/poses.npz", "b/2/poses.npz"}) ==
+          Names{"a/1/poses.npz", "b/1/poses.npz", "2/poses.npz"});
+    CHECK(names_of_files({"/poses.npz", "/a/poses.npz"}) == Names{"poses.npz", "a/poses.npz"});
+    CHECK(names_of_files({"a/../poses.npz", "./poses.npz"}) == Names{"poses.npz", "poses.npz (2)"});
+    CHECK(names_of_files({"capture/", "other/smplx"}) == Names{"capture", "smplx"});
+
+    const test::Temporary folder;
+    const auto& files = test::view_files();
+    for (const char* name : {"hard", "soft"}) {
+        std::filesystem::create_directory(folder / name);
+        std::filesystem::copy_file(files.left, folder / name / "poses.npz");
+        std::filesystem::copy_file(files.polar, folder / name / "avatar.gsh");
+    }
+    const std::vector<std::filesystem::path> poses{folder / "hard" / "poses.npz", folder / "soft" / "poses.npz"};
+    const ViewJson one = ViewJson::parse(describe(test::view_scene({files.polar}, poses)));
+    CHECK(one["people"][0]["motions"][0]["name"] == "hard/poses.npz");
+    CHECK(one["people"][0]["motions"][1]["name"] == "soft/poses.npz");
+    const ViewJson two = ViewJson::parse(
+        describe(test::view_scene({folder / "hard" / "avatar.gsh", folder / "soft" / "avatar.gsh"}, poses)));
+    CHECK(two["names"] == ViewJson{"hard/avatar.gsh", "soft/avatar.gsh"});
+    CHECK(two["people"][1]["motions"][0]["name"] == "soft/poses.npz");
+}
+
+TEST_CASE("gsh-view: messages about files on the page say what can be done there") {
+    const ViewScene scene = test::view_scene({test::view_files().actor});
+    std::vector<std::string> warnings;
+    const auto message = [&](const char* name, const std::string& bytes) {
+        try {
+            (void)read_sent_motion(scene, 0, name, bytes, warnings);
+        } catch (const IoError& error) {
+            return std::string(error.what());
+        }
+        return std::string("was read");
+    };
+    const auto has = [](const std::string& text, const char* words) { return text.find(words) != std::string::npos; };
+    const char* const accepted = ".npz, .bvh, .glb, .gltf, .vrm and .vrma";
+    const std::string bvh = test::bvh_text(test::sample_rig({.units = 100}));
+    std::string strange = bvh, slow = bvh;
+    for (const std::string known : {"LeftUpLeg", "LeftLeg"})
+        for (std::size_t at; (at = strange.find(known)) != std::string::npos;)
+            strange.replace(at, known.size(), "Bone");
+    const std::string unmatched = message("a.bvh", strange);
+    CHECK(has(unmatched, "gsh-motion"));
+    const auto step = slow.find("Frame Time:");
+    slow.replace(step, slow.find('\n', step) - step, "Frame Time: 900");
+    const std::string rate = message("a.bvh", slow);
+    CHECK(has(rate, "File's fps"));
+    const std::string json = message("a.json", "{}");
+    CHECK(has(json, "gsh-motion"));
+    for (const std::string& text : {unmatched, rate, json, message("a.npz", "nonsense"), message("a.fbx", "; FBX 7.7"),
+                                    message("a.txt", "nonsense"), message("a", "")}) {
+        INFO(text);
+        CHECK(!has(text, "was read"));
+        CHECK(!has(text, "--")); // no option of a program
+    }
+    for (const char* name : {"a.npz", "a.jpg", "a.json", "a"}) CHECK(has(message(name, "nonsense"), accepted));
+    CHECK(!has(unmatched, accepted)); // its format is not the reason
+
+    // Warnings are in such words, too.
+    std::string still = bvh;
+    still.replace(step, still.find('\n', step) - step, "Frame Time: 0");
+    warnings.clear();
+    (void)read_sent_motion(scene, 0, "a.bvh", still, warnings);
+    std::string all;
+    for (const std::string& warning : warnings) all += warning + "\n";
+    CHECK(has(all, "the unit is guessed"));
+    CHECK(has(all, "state another as File's fps"));
+    CHECK(!has(all, "--"));
 }

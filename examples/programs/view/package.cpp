@@ -71,9 +71,10 @@ std::string Package::bytes() const {
     std::string text = whole.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
     text.resize((text.size() + 12 + 7) / 8 * 8 - 12, ' ');
     const auto length = static_cast<std::uint32_t>(text.size());
-    std::string result = "GSHVIEW1";
-    result.append(reinterpret_cast<const char*>(&length), sizeof length);
-    return result + text + data_;
+    std::string result;
+    result.reserve(12 + text.size() + data_.size()); // data is large, and is copied once
+    result.append("GSHVIEW1").append(reinterpret_cast<const char*>(&length), sizeof length);
+    return result.append(text).append(data_);
 }
 
 } // namespace gsh::examples

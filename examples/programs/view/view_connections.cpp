@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "view/view_connections.hpp"
 
+#include <netdb.h>
 #include <poll.h>
 #include <sys/socket.h>
 #include <unistd.h>
@@ -184,7 +185,15 @@ public:
         if (!wait_for(socket_, POLLOUT, Clock::now() + limits_.pause)) return -1;
         return ::send(socket_, data, size, MSG_NOSIGNAL | MSG_DONTWAIT);
     }
-    void get_remote_ip_and_port(std::string& ip, int& port) const override { ip.clear(), port = 0; }
+    void get_remote_ip_and_port(std::string& ip, int& port) const override {
+        sockaddr_storage address{};
+        socklen_t size = sizeof address;
+        char name[NI_MAXHOST] = {};
+        if (::getpeername(socket_, reinterpret_cast<sockaddr*>(&address), &size) == 0)
+            (void)::getnameinfo(reinterpret_cast<sockaddr*>(&address), size, name, sizeof name, nullptr, 0,
+                                NI_NUMERICHOST);
+        ip = name, port = 0;
+    }
     void get_local_ip_and_port(std::string& ip, int& port) const override { ip.clear(), port = 0; }
     [[nodiscard]] socket_t socket() const override { return socket_; }
 

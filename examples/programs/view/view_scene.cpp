@@ -4,6 +4,7 @@
 #include "support/export_avatar.hpp"
 #include "support/input_files.hpp"
 #include "support/light_option.hpp"
+#include "view/shown_names.hpp"
 
 #include <gsh/avatar/light_place.hpp>
 #include <gsh/avatar/rig.hpp>
@@ -218,7 +219,7 @@ ViewScene load_view_scene(const std::vector<fs::path>& files, const std::vector<
     const auto is_avatar = [](const fs::path& file) { return file.extension() == ".gsh"; };
     ViewScene scene;
     scene.rig = rig;
-    for (const fs::path& file : files) scene.names.push_back(file.filename().string());
+    scene.names = names_of_files(files);
     if (files.size() == 1 && !is_avatar(files[0])) {
         check_value(poses.empty() && light.is_default() && rig.is_default(), files[0].string(),
                     "is a static scene; --poses, --joint-map, --animation, --input-fps, --light, --light-turn and "
@@ -244,10 +245,11 @@ ViewScene load_view_scene(const std::vector<fs::path>& files, const std::vector<
                          light, true, of_first);
     ShownPeople& people = *scene.people;
     scene.filter = people.filter();
+    const std::vector<std::string> motion_names = names_of_files(poses);
     for (std::size_t p = 0; p < people.data.size(); ++p) {
         const RigData& body_rig = people.data[p].rig;
         if (!poses.empty())
-            scene.motions.push_back({{poses[p].filename().string(), people.motions[p]}});
+            scene.motions.push_back({{motion_names[p], people.motions[p]}});
         else if (has_smplx_joints(body_rig.body))
             scene.motions.push_back(built_in_motions(body_rig, people.motions[p]));
         else
@@ -258,7 +260,7 @@ ViewScene load_view_scene(const std::vector<fs::path>& files, const std::vector<
         const RigData& first = people.data[0].rig;
         Motion motion = motion_of_file(poses[m], first.body, warnings, true, first.betas, rig, m);
         place_like(first, people.motions[0], motion);
-        scene.motions[0].push_back({poses[m].filename().string(), std::move(motion)});
+        scene.motions[0].push_back({motion_names[m], std::move(motion)});
     }
     scene.box = box_of(people);
     return scene;
@@ -278,14 +280,14 @@ ViewMotion read_sent_motion(const ViewScene& scene, std::size_t person, const st
         ViewMotion result{shown, motion_of_file(file.path(), rig.body, warnings, true, rig.betas, option)};
         validate(result.motion, rig.body, shown);
         place_like(rig, scene.people->motions[person], result.motion);
-        for (std::string& warning : warnings) warning = file.renamed(warning, shown);
+        for (std::string& warning : warnings) warning = page_words(file.renamed(warning, shown));
         return result;
     } catch (const std::bad_alloc&) {
         throw;
     } catch (const std::length_error&) { // of a container
         throw std::bad_alloc();
     } catch (const std::exception& error) {
-        throw IoError(file.renamed(error.what(), shown));
+        throw IoError(page_error(file.renamed(error.what(), shown), shown));
     }
 }
 

@@ -34,7 +34,7 @@ struct ViewBox {
 
 /// The scene of a page. Either people, or a static scene of Gaussians.
 struct ViewScene {
-    std::vector<std::string> names; ///< of the files, without folders
+    std::vector<std::string> names; ///< of the files (names_of_files)
     std::optional<ShownPeople> people;
     std::vector<std::vector<ViewMotion>> motions; ///< of each person
     GaussianCloud<float> cloud;                   ///< if there are no people
@@ -67,7 +67,7 @@ void place_like(const RigData& rig, const Motion& other, Motion& motion);
 /// Reads a motion that the page sent as the bytes of a file. Only the ending of `name` is used, to recognise the
 /// layout. The motion is upright and placed like the person's first one. `input_fps` is the rate that the page states;
 /// 0: none.
-/// Errors  those of load_any_motion, with `name` for the file.
+/// Errors  those of load_any_motion, with `name` for the file, in words for the page (page_error).
 [[nodiscard]] ViewMotion read_sent_motion(const ViewScene& scene, std::size_t person, const std::string& name,
                                           const std::string& bytes, std::vector<std::string>& warnings,
                                           double input_fps = 0);

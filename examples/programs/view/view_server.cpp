@@ -4,6 +4,7 @@
 #include "support/messages.hpp"
 #include "view/jpeg.hpp"
 #include "view/view_connections.hpp"
+#include "view/view_content.hpp"
 #include "view/view_package.hpp"
 #include "view/view_page.hpp"
 #include "view/view_painter.hpp"
@@ -131,8 +132,7 @@ std::string read_body(const Request& request, const httplib::ContentReader& read
 class ViewServer::Implementation {
 public:
     Implementation(cpu::Threads& backend, const ViewScene& scene, const ViewServerOptions& options)
-        : backend_(&backend), scene_(&scene), options_(options), sizes_(scene.sizes()), painter_(backend, scene),
-          page_(make_page({}, options.script)) {
+        : backend_(&backend), scene_(&scene), options_(options), sizes_(scene.sizes()), painter_(backend, scene) {
         server_.set_keep_alive_max_count(1'000'000);
         server_.set_keep_alive_timeout(30); // seconds; ConnectionLimits::idle
         server_.set_payload_max_length(largest_motion + 1);
@@ -207,21 +207,21 @@ private:
     }
 
     void add_routes() {
-        server_.Get("/", [this](const Request&, Response& response) {
-            response.set_content(page_, "text/html; charset=utf-8");
+        server_.Get("/", [this](const Request& request, Response& response) { page_.answer(request, response); });
+        server_.Get("/scene", [this](const Request& request, Response& response) {
+            answer(response, [&] { described_.answer(request, response); });
         });
-        server_.Get("/scene", [this](const Request&, Response& response) {
-            answer(response, [&] { response.set_content(describe(*scene_), "application/json"); });
-        });
-        server_.Get("/gaussians", [this](const Request&, Response& response) {
-            answer(response, [&] { response.set_content(package_scene(*scene_), "application/octet-stream"); });
+        server_.Get("/gaussians", [this](const Request& request, Response& response) {
+            answer(response, [&] { gaussians_.answer(request, response); });
         });
         server_.Get("/motion", [this](const Request& request, Response& response) {
             answer(response, [&] {
                 const std::size_t p = index_of(request, "person"), m = index_of(request, "motion");
                 if (p >= scene_->motions.size() || m >= scene_->motions[p].size())
                     throw Refused{404, "motion: does not exist"};
-                response.set_content(package_motion(scene_->motions[p][m]), "application/octet-stream");
+                KeptContent("application/octet-stream", Caching::forever, [&] { // small, and the browser keeps it
+                    return package_motion(scene_->motions[p][m]);
+                }).answer(request, response);
             });
         });
         server_.Post("/draw", [this](const Request& request, Response& response, const httplib::ContentReader& read) {
@@ -266,7 +266,12 @@ private:
     std::vector<PersonSize> sizes_;
     ViewPainter painter_;
     std::mutex painting_;
-    const std::string page_, key_ = new_key();
+    // The key is new for each server, so what is at an address with it never changes.
+    using Caching = KeptContent::Caching;
+    KeptContent page_{"text/html; charset=utf-8", Caching::ask, [this] { return make_page({}, options_.script); }};
+    KeptContent described_{"application/json", Caching::forever, [this] { return describe(*scene_); }};
+    KeptContent gaussians_{"application/octet-stream", Caching::forever, [this] { return package_scene(*scene_); }};
+    const std::string key_ = new_key();
     GuardedServer server_{key_, {.body_bytes = largest_motion}};
     int port_ = 0;
 };

@@ -62,6 +62,33 @@ TEST_CASE("a body's motion comes back within 1e-4 rad") {
     CHECK(text.find("-nan") == std::string::npos);
 }
 
+TEST_CASE("nothing is guessed about files that gsh wrote") {
+    const test::Temporary folder;
+    std::vector<std::string> warnings;
+    // Lying, and also as small as a doll, whose legs of 8 cm would else be in units of CMU.
+    for (const double size : {1.0, 0.1}) {
+        RigMotion rig = rig_of_motion(test::skeleton_body(), wild_motion(4));
+        move_rig(rig, mat3<double>(1), size);
+        save_bvh(folder / "a.bvh", rig);
+        const RigMotion back = load_bvh(folder / "a.bvh", {}, &warnings);
+        const auto hip = std::find(back.names.begin(), back.names.end(), "left_hip") - back.names.begin();
+        CHECK(length(back.rest_joints[static_cast<std::size_t>(hip)] - back.rest_joints[0]) ==
+              doctest::Approx(length(rig.rest_joints[1] - rig.rest_joints[0])));
+        CHECK(length(back.joints[0] - rig.joints[0]) < 1e-6);
+    }
+    CHECK(warnings.empty());
+    const std::string text = read_file(folder / "a.bvh");
+    CHECK(is_saved_bvh(text));
+    std::string other = text; // as another program would write the same
+    other.replace(other.find("0.0000000"), 9, "0.000000");
+    CHECK(!is_saved_bvh(other));
+    write_file(folder / "b.bvh", other);
+    (void)load_bvh(folder / "b.bvh", {}, &warnings);
+    CHECK(!warnings.empty());
+    for (const char* part : {"", "HIERARCHY", "HIERARCHY\nROOT a", "HIERARCHY\nROOT a\n{\n"})
+        CHECK(!is_saved_bvh(part));
+}
+
 TEST_CASE("a file is the same in every locale, and holds large numbers") {
     const test::Temporary folder;
     RigMotion rig = rig_of_motion(test::skeleton_body(), wild_motion(3));

@@ -8,6 +8,7 @@
 #include <gsh/math/rotation.hpp>
 #include <gsh/math/vec.hpp>
 
+#include <algorithm>
 #include <charconv>
 #include <cmath>
 #include <cstddef>
@@ -34,6 +35,10 @@ inline void save_bvh(const std::filesystem::path& path, const RigMotion& rig,
 
 /// The angles a, b, c in radians of R = Rz(a) Rx(b) Ry(c), of the two solutions the one nearest to `before`.
 [[nodiscard]] inline vec3<double> zxy_angles(const mat3<double>& R, const vec3<double>& before);
+
+/// Whether a file was written by save_bvh, of any version, so that its lengths are centimetres. BVH has no place for a
+/// comment; the file is recognised by how its root is written, down to the digits, blanks and tabs.
+[[nodiscard]] inline bool is_saved_bvh(std::string_view text);
 
 // -------------------------------------------------------------------------------------------------------------
 
@@ -64,6 +69,11 @@ inline std::vector<std::string> bvh_names(const std::vector<std::string>& names)
     }
     return result;
 }
+
+/// What follows the name of the root in every file of save_bvh.
+inline constexpr std::string_view saved_bvh_root =
+    "\n{\n\tOFFSET 0.0000000 0.0000000 0.0000000\n"
+    "\tCHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation\n";
 
 inline void append_bvh_joint(std::string& text, const RigMotion& rig, const std::vector<std::string>& names,
                              const std::vector<std::vector<int>>& children, int joint, int level) {
@@ -111,6 +121,13 @@ inline vec3<double> zxy_angles(const mat3<double>& R, const vec3<double>& before
     };
     const vec3<double> one = near(first), other = near({first.x + pi, pi - first.y, first.z + pi});
     return length(one - before) <= length(other - before) ? one : other;
+}
+
+inline bool is_saved_bvh(std::string_view text) {
+    constexpr std::string_view beginning = "HIERARCHY\nROOT ";
+    if (!text.starts_with(beginning)) return false;
+    text.remove_prefix(beginning.size());
+    return text.substr(std::min(text.find('\n'), text.size())).starts_with(detail::saved_bvh_root);
 }
 
 inline void save_bvh(const std::filesystem::path& path, const RigMotion& rig, std::vector<std::string>* warnings) {

@@ -12,6 +12,7 @@
 #include <gsh/io/file/claimed_size.hpp>
 #include <gsh/io/file/foreign_file.hpp>
 #include <gsh/io/file/text_lines.hpp>
+#include <gsh/io/motion/bvh_export.hpp>
 #include <gsh/io/motion/frame_rate.hpp>
 #include <gsh/io/motion/unit_guess.hpp>
 #include <gsh/io/motion/up_warning.hpp>
@@ -41,8 +42,8 @@ namespace gsh {
 ///         warning.
 ///
 /// Frame   y up. Where another axis is up (body/rig_up.hpp), the world is turned.
-/// Units   the file does not state its unit; it is guessed from the length of the legs. A frame time of 0 is none: 30
-///         frames a second, with a warning.
+/// Units   the file does not state its unit; it is guessed from the length of the legs, except in files of save_bvh,
+///         which are in centimetres and y up. A frame time of 0 is none: 30 frames a second, with a warning.
 /// Errors  IoError, ValueError naming file and line: a channel that is not known, numbers that do not fit the channels,
 ///         fewer lines than 'Frames:' states, NaN, more than 256 levels. What was guessed is added to
 ///         `warnings`.
@@ -57,6 +58,9 @@ class BvhReader {
 public:
     BvhReader(const std::filesystem::path& path, std::vector<std::string>* warnings)
         : text_(read_file(path)), lines_(text_, path.string()), warnings_(warnings) {}
+
+    /// Whether gsh wrote the file.
+    [[nodiscard]] bool is_own() const { return is_saved_bvh(text_); }
 
     RigMotion read(const FrameRates& rates) {
         read_hierarchy();
@@ -272,14 +276,20 @@ private:
 
 inline RigMotion load_bvh(const std::filesystem::path& path, const JointMap& map, std::vector<std::string>* warnings,
                           const FrameRates& rates) {
-    RigMotion rig = detail::BvhReader(path, warnings).read(rates);
+    detail::BvhReader reader(path, warnings);
+    RigMotion rig = reader.read(rates);
     const MatchedJoints matched = map.match(rig, path.string());
-    const LengthUnit unit = guess_length_unit(rig, matched);
-    const RigUp up = find_up(rig, matched);
+    LengthUnit unit = guess_length_unit(rig, matched);
+    RigUp up = find_up(rig, matched);
     const auto warn = [&](const std::string& text) {
         if (warnings) warnings->push_back(path.string() + ": " + text);
     };
-    if (unit.leg > 0) warn(detail::unit_warning(unit));
+    if (reader.is_own() && unit.metres != 1) { // legs of 0.3 to 3 are metres, of whoever wrote the same lines
+        unit.metres = 0.01;
+        if (!up.doubt.empty()) up = {};
+    } else if (unit.leg > 0) {
+        warn(detail::unit_warning(unit));
+    }
     if (const std::string text = detail::up_warning(up); !text.empty()) warn(text);
     move_rig(rig, turn_to_y(up.axis), unit.metres);
     validate(rig, path.string());
