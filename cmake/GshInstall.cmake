@@ -22,4 +22,5 @@ write_basic_package_version_file(${PROJECT_BINARY_DIR}/gsh-config-version.cmake
 install(FILES ${PROJECT_BINARY_DIR}/gsh-config.cmake ${PROJECT_BINARY_DIR}/gsh-config-version.cmake
               ${CMAKE_CURRENT_LIST_DIR}/Findlibzip.cmake ${CMAKE_CURRENT_LIST_DIR}/Findstb.cmake
               ${CMAKE_CURRENT_LIST_DIR}/Findtinygltf.cmake ${CMAKE_CURRENT_LIST_DIR}/Findzstd.cmake
+              ${CMAKE_CURRENT_LIST_DIR}/GshPrecompile.cmake
         DESTINATION ${gsh_package_dir})

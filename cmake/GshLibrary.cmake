@@ -6,6 +6,8 @@
 #   gsh::cuda       *.cuh         CUDA's runtime; sources that include a .cuh are compiled by nvcc
 set(gsh_components io check synthetic cuda)
 
+include(GshPrecompile) # a function for users' targets, which the installed package has, too
+
 find_package(Eigen3 3.4 REQUIRED NO_MODULE)
 find_package(glm REQUIRED)
 find_package(TBB REQUIRED)

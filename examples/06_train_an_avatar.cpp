@@ -4,8 +4,19 @@
 /// A field gives colours and displacements of Gaussians on the body. A rig poses them, a rasterizer renders them, a
 /// loss compares the render with one of 48 photographs, and Adam updates the learned arrays. The seventh camera is held
 /// out. Writes 06_train_an_avatar.png, a view of that camera: truth | start | end.
-#include <gsh/gsh.hpp>
+#include <gsh/avatar/rig.hpp>
+#include <gsh/avatar/skinned_gaussian.hpp>
+#include <gsh/body/region_mask.hpp>
+#include <gsh/body/surface_samples.hpp>
+#include <gsh/cpu.hpp>
+#include <gsh/field/hash_field.hpp>
+#include <gsh/image/color.hpp>
 #include <gsh/io/image/image_file.hpp>
+#include <gsh/loss/metrics.hpp>
+#include <gsh/loss/photometric.hpp>
+#include <gsh/optim/schedule.hpp>
+#include <gsh/pipeline/learned_array.hpp>
+#include <gsh/render/rasterizer.hpp>
 #include <gsh/synthetic/actor.hpp>
 #include <gsh/synthetic/actor_motion.hpp>
 #include <gsh/synthetic/studio.hpp>

@@ -1,11 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
 /// @file  Story 7: gsh's trainer trains a part that gsh does not have. Every second frame of a capture is darker. The
 /// part is a brightness factor per frame, in the place of the avatar's shadow. Training finds the factors.
-#include <gsh/gsh.hpp>
+#include <gsh/avatar/rig.hpp>
+#include <gsh/backend/sum.hpp>
+#include <gsh/body/surface_samples.hpp>
+#include <gsh/cpu.hpp>
 #include <gsh/io/capture/photos.hpp>
+#include <gsh/pipeline/avatar_model.hpp>
+#include <gsh/pipeline/shared_field.hpp>
 #include <gsh/synthetic/actor.hpp>
 #include <gsh/synthetic/actor_motion.hpp>
 #include <gsh/synthetic/studio.hpp>
+#include <gsh/train/avatar_scene.hpp>
+#include <gsh/train/trainer.hpp>
 
 #include <story.hpp>
 using namespace gsh;

@@ -6,6 +6,7 @@
 #include "io/temporary.hpp"
 
 #include <gsh/backend/threads.hpp>
+#include <gsh/io/capture/capture.hpp>
 #include <gsh/io/motion/motion_file.hpp>
 
 #include <doctest/doctest.h>

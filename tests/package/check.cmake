@@ -39,5 +39,12 @@ foreach(flag IN ITEMS -Wall -Wextra -Wpedantic -Wshadow -Werror -march -ffp-cont
   endif()
 endforeach()
 
+if(NOT way STREQUAL "cuda")
+  file(READ ${work}/build/CMakeFiles/consumer_of_all_precompiled.dir/cmake_pch.hxx precompiled)
+  if(NOT precompiled MATCHES "#include <gsh/gsh.hpp>")
+    message(FATAL_ERROR "gsh_precompile without headers does not precompile gsh/gsh.hpp:\n${precompiled}")
+  endif()
+endif()
+
 run(${CMAKE_COMMAND} --build ${work}/build --parallel)
 run(${work}/build/consumer)

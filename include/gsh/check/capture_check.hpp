@@ -16,7 +16,7 @@
 #include <gsh/check/silhouette.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/image/trimap.hpp>
-#include <gsh/io/capture/capture.hpp>
+#include <gsh/io/capture/capture_data.hpp>
 #include <gsh/math/spread.hpp>
 
 #include <algorithm>

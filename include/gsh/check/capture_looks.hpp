@@ -7,7 +7,7 @@
 #include <gsh/check/capture_reading.hpp>
 #include <gsh/check/silhouette.hpp>
 #include <gsh/core/span.hpp>
-#include <gsh/io/capture/capture.hpp>
+#include <gsh/io/capture/capture_data.hpp>
 
 #include <algorithm>
 #include <array>

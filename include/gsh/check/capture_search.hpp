@@ -9,7 +9,7 @@
 #include <gsh/check/capture_reading.hpp>
 #include <gsh/check/capture_views.hpp>
 #include <gsh/check/silhouette.hpp>
-#include <gsh/io/capture/capture.hpp>
+#include <gsh/io/capture/capture_data.hpp>
 #include <gsh/math/linalg.hpp>
 #include <gsh/math/spread.hpp>
 

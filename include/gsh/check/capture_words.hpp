@@ -4,7 +4,7 @@
 
 #include <gsh/check/capture_aspects.hpp>
 #include <gsh/check/capture_reading.hpp>
-#include <gsh/io/capture/capture.hpp>
+#include <gsh/io/capture/capture_data.hpp>
 
 #include <algorithm>
 #include <cstddef>

@@ -12,7 +12,7 @@
 #include <gsh/core/span.hpp>
 #include <gsh/image/color.hpp>
 #include <gsh/image/pixel_box.hpp>
-#include <gsh/io/capture/capture.hpp>
+#include <gsh/io/capture/capture_data.hpp>
 #include <gsh/io/image/image_file.hpp>
 #include <gsh/math/linalg.hpp>
 #include <gsh/math/vec.hpp>
@@ -23,6 +23,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <concepts>
 #include <cstddef>
 #include <cstdint>
 #include <optional>
@@ -51,7 +52,10 @@ struct SeenColor {
 /// Units   stops, for red, green and blue; 0 in the mean over the images of a camera that have a colour. No value for
 ///         images without one.
 /// Errors  ValueError for a colour of an image that does not exist.
-[[nodiscard]] inline std::vector<std::optional<vec3<double>>>
+///
+/// A template so that Eigen's solver, which takes seconds to compile, is compiled only where this is called.
+template <std::same_as<double> T = double>
+[[nodiscard]] std::vector<std::optional<vec3<double>>>
 exposures(const std::vector<std::vector<SeenColor>>& points, const std::vector<std::size_t>& camera_of) {
     constexpr std::size_t light = 8; // harmonics of bands 1 and 2
     constexpr int rounds = 6;
@@ -66,7 +70,8 @@ exposures(const std::vector<std::vector<SeenColor>>& points, const std::vector<s
         return std::array<double, light>{n.x, n.y, n.z, n.x * n.y, n.y * n.z, n.z * n.x, n.x * n.x - n.y * n.y,
                                          3 * n.z * n.z - 1};
     };
-    using Matrix = Eigen::MatrixXd;
+    using Matrix = Eigen::Matrix<T, Eigen::Dynamic, Eigen::Dynamic>;
+    using Row = Eigen::Matrix<T, 1, Eigen::Dynamic>;
     Matrix found = Matrix::Zero(static_cast<Eigen::Index>(unknowns), 3);
     std::vector<std::vector<double>> weights(points.size());
     for (std::size_t p = 0; p < points.size(); ++p) weights[p].assign(points[p].size(), 1.0);
@@ -78,7 +83,7 @@ exposures(const std::vector<std::vector<SeenColor>>& points, const std::vector<s
             const std::size_t count = points[p].size();
             if (count < 2) continue;
             Matrix Y(at(count), at(light)), stops(at(count), 3);
-            Eigen::VectorXd weight(at(count));
+            Eigen::Matrix<T, Eigen::Dynamic, 1> weight(at(count));
             for (std::size_t i = 0; i < count; ++i) {
                 const auto own = harmonics(points[p][i].normal);
                 for (std::size_t k = 0; k < light; ++k) Y(at(i), at(k)) = own[k];
@@ -87,14 +92,14 @@ exposures(const std::vector<std::vector<SeenColor>>& points, const std::vector<s
             }
             const double sum = weight.sum();
             const Matrix weighted = weight.asDiagonal() * Y;
-            const Eigen::RowVectorXd mean_Y = weight.transpose() * Y / sum, mean = weight.transpose() * stops / sum;
+            const Row mean_Y = weight.transpose() * Y / sum, mean = weight.transpose() * stops / sum;
             stops.rowwise() -= mean;
             for (std::size_t i = 0; i < count; ++i) {
                 const Eigen::Index row = at(points[p][i].image);
                 normal(row, row) += weight(at(i));
                 for (std::size_t j = 0; j < count; ++j)
                     normal(row, at(points[p][j].image)) -= weight(at(i)) * weight(at(j)) / sum;
-                const Eigen::RowVectorXd across = weighted.row(at(i)) - weight(at(i)) * mean_Y;
+                const Row across = weighted.row(at(i)) - weight(at(i)) * mean_Y;
                 normal.row(row).tail(at(light)) += across;
                 normal.col(row).tail(at(light)) += across.transpose();
                 right.row(row) += weight(at(i)) * stops.row(at(i));

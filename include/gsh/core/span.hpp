@@ -4,10 +4,9 @@
 
 #include <gsh/core/config.hpp>
 
+#include <array> // std::data and std::size, as in <iterator>, which takes four times as long to compile
 #include <concepts>
 #include <cstddef>
-#include <iterator>
-#include <ranges>
 #include <type_traits>
 
 namespace gsh {

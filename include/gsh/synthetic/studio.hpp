@@ -5,7 +5,7 @@
 #include <gsh/backend/backend.hpp>
 #include <gsh/body/posed_body.hpp>
 #include <gsh/image/color.hpp>
-#include <gsh/io/capture/capture.hpp>
+#include <gsh/io/capture/capture_data.hpp>
 #include <gsh/synthetic/lit_mesh.hpp>
 
 #include <algorithm>

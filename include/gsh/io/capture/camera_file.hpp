@@ -5,6 +5,7 @@
 #include <gsh/camera/distortion.hpp>
 #include <gsh/camera/pinhole.hpp>
 #include <gsh/core/error.hpp>
+#include <gsh/io/capture/named_camera.hpp>
 #include <gsh/io/file/atomic_file.hpp>
 #include <gsh/io/file/json_file.hpp>
 #include <gsh/io/file/named_path.hpp>
@@ -13,7 +14,6 @@
 #include <cmath>
 #include <cstdint>
 #include <filesystem>
-#include <optional>
 #include <set>
 #include <string>
 #include <string_view>
@@ -21,24 +21,6 @@
 #include <vector>
 
 namespace gsh {
-
-/// A camera of a capture. If `distortion` is empty, its images are free of distortion.
-struct NamedCamera {
-    enum class Role { train, test };
-
-    std::string name;
-    Role role = Role::train;
-    Camera<double> camera;
-    std::optional<Distortion<double>> distortion; ///< of the photographs, if they are not undistorted yet
-};
-
-/// The contents of a capture's `cameras.json`.
-struct CameraList {
-    std::vector<NamedCamera> cameras;
-    double fps = 0;                ///< frames per second; 0 if the file does not give it
-    std::optional<double> floor_y; ///< height of the floor, metres
-    std::vector<int> test_frames;  ///< excluded from training in every camera
-};
 
 /// Reads {"cameras": [...], "fps", "floor_y", "test_frames"}, or a list of cameras alone.
 ///

@@ -4,7 +4,7 @@
 
 #include <gsh/camera/pinhole.hpp>
 #include <gsh/core/error.hpp>
-#include <gsh/io/capture/camera_file.hpp>
+#include <gsh/io/capture/named_camera.hpp>
 #include <gsh/io/image/image_file.hpp>
 #include <gsh/io/image/mask_file.hpp>
 

@@ -5,9 +5,9 @@
 #include <gsh/body/motion.hpp>
 #include <gsh/body/motion_span.hpp>
 #include <gsh/core/error.hpp>
-#include <gsh/io/capture/camera_file.hpp>
+#include <gsh/io/capture/named_camera.hpp>
 #include <gsh/io/image/image_file.hpp>
-#include <gsh/io/motion/motion_file.hpp>
+#include <gsh/io/motion/motion_options.hpp>
 
 #include <algorithm>
 #include <cstddef>

@@ -8,8 +8,8 @@
 #include <gsh/core/error.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/image/resample.hpp>
-#include <gsh/io/capture/camera_file.hpp>
 #include <gsh/io/capture/camera_image.hpp>
+#include <gsh/io/capture/named_camera.hpp>
 #include <gsh/io/file/folder_list.hpp>
 #include <gsh/io/file/text_lines.hpp>
 #include <gsh/io/image/image_file.hpp>

@@ -5,11 +5,11 @@
 #include <gsh/backend/backend.hpp>
 #include <gsh/body/body_model.hpp>
 #include <gsh/core/error.hpp>
-#include <gsh/io/capture/camera_file.hpp>
 #include <gsh/io/capture/camera_image.hpp>
 #include <gsh/io/capture/capture_data.hpp>
 #include <gsh/io/capture/capture_images.hpp>
 #include <gsh/io/capture/capture_warnings.hpp>
+#include <gsh/io/capture/named_camera.hpp>
 #include <gsh/io/file/text_lines.hpp>
 #include <gsh/io/image/image_file.hpp>
 #include <gsh/io/image/mask_file.hpp>

@@ -8,10 +8,10 @@
 #include <gsh/camera/pinhole.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/core/span.hpp>
-#include <gsh/io/capture/camera_file.hpp>
 #include <gsh/io/capture/capture_data.hpp>
 #include <gsh/io/capture/capture_images.hpp>
 #include <gsh/io/capture/capture_photos.hpp>
+#include <gsh/io/capture/named_camera.hpp>
 #include <gsh/io/file/folder_list.hpp>
 #include <gsh/io/file/number_lines.hpp>
 #include <gsh/io/image/image_file.hpp>

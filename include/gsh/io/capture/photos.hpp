@@ -3,7 +3,7 @@
 #pragma once
 
 #include <gsh/core/span.hpp>
-#include <gsh/io/capture/capture.hpp>
+#include <gsh/io/capture/capture_data.hpp>
 #include <gsh/io/image/image_file.hpp>
 #include <gsh/pipeline/photo.hpp>
 
