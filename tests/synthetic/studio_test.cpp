@@ -2,6 +2,7 @@
 #include <doctest/doctest.h>
 
 #include <gsh/backend/threads.hpp>
+#include <gsh/io/capture/capture_warnings.hpp>
 #include <gsh/synthetic/actor.hpp>
 #include <gsh/synthetic/actor_motion.hpp>
 #include <gsh/synthetic/studio.hpp>
