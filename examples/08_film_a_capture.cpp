@@ -75,7 +75,9 @@ void story(const std::filesystem::path& out, int size, int frames) {
     const std::filesystem::path folder = out / "08_capture";
     // 4. Three quarters of the frames talk; the last quarter lifts the arms above the head and bends elbows and knees
     //    to 120 degrees. With --hold-out-motion 0.25, the programs train on the first and judge on both.
+    std::optional<examples::Progress> work(std::in_place, "making the actor");
     const BodyModel body = make_actor();
+    work.reset();
     const int new_frames = std::max(1, frames / 4);
     const Motion motion = followed_by(actor_motion(ActorMotion::talk, frames - new_frames),
                                       actor_motion(ActorMotion::reach, new_frames), 10);
@@ -94,7 +96,7 @@ void story(const std::filesystem::path& out, int size, int frames) {
     const Capture soft = film_in(soft_light(), "filming in soft light");
 
     // 6. On disk: cameras.json, poses.npz, images/CAMERA/FRAME.png. The alpha of the images is the mask.
-    std::optional<examples::Progress> work(std::in_place, "writing both captures");
+    work.emplace("writing both captures");
     std::filesystem::create_directories(folder);
     save_body_model(folder / "body.npz", body);
     save_capture(folder / "hard", hard);
