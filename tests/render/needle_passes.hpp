@@ -54,6 +54,26 @@ struct NeedlePasses {
     }
 };
 
+/// Needles in single precision beside the dense renderer.
+class NeedleComparison {
+public:
+    NeedleComparison(float log_length, bool compensate)
+        : cloud_(needles(log_length, 60)), expected_(dense_picture(cloud_, needle_camera(), compensate)) {
+        params_.compensate_opacity = compensate;
+    }
+    /// The largest difference of the pictures, by factors or by covariances.
+    template <Backend B>
+    [[nodiscard]] double error(B& backend, bool factored) const {
+        const NeedlePasses<B, float> found(backend, cloud_, needle_camera().cast<float>(), factored, params_);
+        return largest_error(found.picture, expected_);
+    }
+
+private:
+    GaussianCloud<float> cloud_;
+    DenseImage expected_;
+    RasterParams<float> params_;
+};
+
 /// The largest difference of the log-scales' gradients, relative to the largest of them.
 template <class T, class U>
 [[nodiscard]] double relative_error(const GaussianCloud<T>& found, const GaussianCloud<U>& exact) {

@@ -18,22 +18,14 @@ using test::NeedlePasses;
 
 TEST_CASE("needles agree with a dense renderer in long double") {
     Serial backend;
-    const Camera<float> camera = test::needle_camera().cast<float>();
     for (const bool compensate : {false, true})
         for (const float length : {4.0f, 5.0f, 6.0f, 9.0f}) {
             CAPTURE(compensate);
             CAPTURE(length);
-            const GaussianCloud<float> cloud = test::needles(length, 60);
-            RasterParams<float> params;
-            params.compensate_opacity = compensate;
-            const test::DenseImage expected = test::dense_picture(cloud, test::needle_camera(), compensate);
-            const auto error = [&](bool factored) {
-                return test::largest_error(
-                    NeedlePasses<Serial, float>(backend, cloud, camera, factored, params).picture, expected);
-            };
-            CHECK(error(true) < 1e-5);
+            const test::NeedleComparison comparison(length, compensate);
+            CHECK(comparison.error(backend, true) < 1e-5);
             // In single precision, a covariance has no room for the thin axis.
-            if (length >= 6) CHECK(error(false) > 1e-3);
+            if (length >= 6) CHECK(comparison.error(backend, false) > 1e-3);
         }
 }
 
