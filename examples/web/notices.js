@@ -40,7 +40,7 @@ gsh.notices = (() => {
     element("loading-amount").textContent = amount;
   }
   const loaded = () => (element("loading").hidden = true);
-  /** Resolves when the browser has shown what was changed; in a tab that nobody sees, at once. */
+  /** Resolves when the browser has shown what was changed; in a tab in the background, soon. */
   const shown = () => new Promise((done) => {
     requestAnimationFrame(() => setTimeout(done));
     setTimeout(done, 100);

@@ -28,7 +28,17 @@ std::string last_parts(const fs::path& path, std::size_t count) {
 }
 
 constexpr std::array<std::string_view, 6> motion_endings{".npz", ".bvh", ".glb", ".gltf", ".vrm", ".vrma"};
-constexpr const char* accepted = "This page reads motions as .npz, .bvh, .glb, .gltf, .vrm and .vrma";
+
+/// "This page reads motions as .npz, .bvh, .glb, .gltf, .vrm and .vrma"
+std::string accepted() {
+    std::string text = "This page reads motions as ";
+    for (const std::string_view ending : motion_endings)
+        text.append(ending == motion_endings.front()  ? ""
+                    : ending == motion_endings.back() ? " and "
+                                                      : ", ")
+            .append(ending);
+    return text;
+}
 
 } // namespace
 
@@ -82,7 +92,7 @@ std::string page_error(const std::string& message, const std::string& name) {
     const std::string words = page_words(message);
     const bool is_of_format = !is_known || words.find("expected an .npz archive") != std::string::npos ||
                               words.find("not an .npz (zip) archive") != std::string::npos;
-    return is_of_format ? words + ". " + accepted : words;
+    return is_of_format ? words + ". " + accepted() : words;
 }
 
 } // namespace gsh::examples

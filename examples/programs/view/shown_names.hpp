@@ -12,11 +12,12 @@ namespace gsh::examples {
 /// "hard/poses.npz"; a file that is given twice has a number the second time.
 [[nodiscard]] std::vector<std::string> names_of_files(const std::vector<std::filesystem::path>& files);
 
-/// A message of a reader of motions in words for the page, where nobody can give options of a program: what can be done
-/// there instead. `name` is that of the file.
+/// A message of a reader of motions in words for the page. The page has no options of a program, so the message says
+/// what can be done on the page instead.
 [[nodiscard]] std::string page_words(std::string message);
 
-/// The same for an error about a file that was opened on the page; says what is accepted if the format is the reason.
+/// The same for an error about the file `name`, which was opened on the page; says what is accepted if the format is
+/// the reason.
 [[nodiscard]] std::string page_error(const std::string& message, const std::string& name);
 
 } // namespace gsh::examples

@@ -284,7 +284,7 @@ inline RigMotion load_bvh(const std::filesystem::path& path, const JointMap& map
     const auto warn = [&](const std::string& text) {
         if (warnings) warnings->push_back(path.string() + ": " + text);
     };
-    if (reader.is_own() && unit.metres != 1) { // legs of 0.3 to 3 are metres, of whoever wrote the same lines
+    if (reader.is_own() && unit.metres != 1) { // with legs of 0.3 to 3, another program wrote it, in metres
         unit.metres = 0.01;
         if (!up.doubt.empty()) up = {};
     } else if (unit.leg > 0) {
