@@ -14,6 +14,7 @@
 
 #include <gsh/math/activation.hpp>
 #include <gsh/math/affine.hpp>
+#include <gsh/math/bordered_band.hpp>
 #include <gsh/math/dual_quat.hpp>
 #include <gsh/math/linalg.hpp>
 #include <gsh/math/low_rank.hpp>
@@ -59,8 +60,12 @@
 #include <gsh/body/joint_name_table.hpp>
 #include <gsh/body/joint_names.hpp>
 #include <gsh/body/keypoints.hpp>
+#include <gsh/body/landmark_table.hpp>
+#include <gsh/body/landmarks.hpp>
 #include <gsh/body/mesh.hpp>
 #include <gsh/body/motion.hpp>
+#include <gsh/body/motion_bones.hpp>
+#include <gsh/body/motion_landmarks.hpp>
 #include <gsh/body/motion_span.hpp>
 #include <gsh/body/moved_motion.hpp>
 #include <gsh/body/nearest_points.hpp>
@@ -166,6 +171,28 @@
 #include <gsh/avatar/skinned_element.hpp>
 #include <gsh/avatar/skinned_gaussian.hpp>
 #include <gsh/avatar/still_frames.hpp>
+
+#include <gsh/fit/body_height.hpp>
+#include <gsh/fit/fit_motion.hpp>
+#include <gsh/fit/frame_kinematics.hpp>
+#include <gsh/fit/joint_pulls.hpp>
+#include <gsh/fit/landmark_places.hpp>
+#include <gsh/fit/mask_view.hpp>
+#include <gsh/fit/motion_descent.hpp>
+#include <gsh/fit/motion_fit.hpp>
+#include <gsh/fit/motion_fitter.hpp>
+#include <gsh/fit/motion_prior.hpp>
+#include <gsh/fit/motion_problem.hpp>
+#include <gsh/fit/motion_start.hpp>
+#include <gsh/fit/motion_state.hpp>
+#include <gsh/fit/outlines.hpp>
+#include <gsh/fit/pose_axes.hpp>
+#include <gsh/fit/side_swaps.hpp>
+#include <gsh/fit/standing_world.hpp>
+#include <gsh/fit/time_offsets.hpp>
+#include <gsh/fit/triangulation.hpp>
+#include <gsh/fit/turn.hpp>
+#include <gsh/fit/view_keypoints.hpp>
 
 #include <gsh/pipeline/appearance.hpp>
 #include <gsh/pipeline/avatar_config.hpp>

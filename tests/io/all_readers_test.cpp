@@ -18,6 +18,7 @@
 #include <gsh/io/body/region_file.hpp>
 #include <gsh/io/capture/camera_file.hpp>
 #include <gsh/io/capture/colmap.hpp>
+#include <gsh/io/capture/detections.hpp>
 #include <gsh/io/capture/gala_basketball.hpp>
 #include <gsh/io/capture/keypoints_file.hpp>
 #include <gsh/io/capture/prior_views_file.hpp>
@@ -170,6 +171,8 @@ std::vector<Sample> write_samples(const fs::path& folder) {
         R"({"images": [{"id": 1, "file_name": "cam00/0001.png"}], "annotations": [{"image_id": 1, "keypoints": [)" +
             points + "]}]}");
     add("keypoints.json", [cameras](const fs::path& file) { (void)load_keypoints(file, cameras, 3); });
+    write_file(at("video.json"), R"({"cameras": [{"name": "cam00", "width": 24, "height": 16, "times": [0, 0.1, 0.2]}]})");
+    add("video.json", [](const fs::path& file) { (void)load_detections(file.parent_path()); });
     write_file(at("map.json"), R"({"Bip_LeftArm": "left_shoulder", "Bip_Prop": null})");
     add("map.json", [](const fs::path& file) { (void)read_joint_map(file); });
     write_file(at("settings.json"), R"({"a": 0.5, "b": true, "c": "text"})");

@@ -162,3 +162,20 @@ TEST_CASE("a matrix is a rotation if it is orthonormal and right-handed") {
     CHECK(!is_rotation(turn * mat3<double>(vec3<double>(-1, 0, 0), vec3<double>(0, 1, 0), vec3<double>(0, 0, 1)), 0.1));
     CHECK(!is_rotation(turn * std::numeric_limits<double>::quiet_NaN(), 0.1));
 }
+
+TEST_CASE("axis_angle_jacobian is the turn per change of the axis-angle vector") {
+    test::Rng rng(9);
+    for (const double angle : {0.0, 1e-7, 0.3, 1.2, 2.9}) {
+        const vec3<double> v = normalize(rng.vec()) * angle;
+        const mat3<double> J = axis_angle_jacobian(v), R = rotation_from_axis_angle(v);
+        for (int k = 0; k < 3; ++k) {
+            constexpr double h = 1e-5;
+            vec3<double> more = v, less = v;
+            more[k] += h, less[k] -= h;
+            const vec3<double> turn = axis_angle_from_rotation(rotation_from_axis_angle(more) * transpose(R)) -
+                                      axis_angle_from_rotation(rotation_from_axis_angle(less) * transpose(R));
+            CAPTURE(angle);
+            CHECK(length(turn / (2 * h) - J[k]) < 1e-9);
+        }
+    }
+}

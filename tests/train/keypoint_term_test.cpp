@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <gsh/body/joint_error.hpp>
+#include <gsh/body/landmarks.hpp>
+#include <gsh/body/motion_landmarks.hpp>
 #include <gsh/cpu.hpp>
 #include <gsh/train/keypoint_term.hpp>
 
@@ -26,7 +27,8 @@ struct Observed {
                                         look_at<double>({2.5, 1, 2.5}, {0, 0.8, 0}, {0, 1, 0}, 0.5, 200, 160)};
     Motion motion;
     RigPose<cpu::Serial, double> pose;
-    std::vector<vec3<double>> joints; // posed, by other code
+    Landmarks marks{};                // landmark k lies beside joint k, for k below 4; the body has no others
+    std::vector<vec3<double>> places; // of them, posed by other code
 
     Observed() {
         test::Rng rng(8);
@@ -38,16 +40,19 @@ struct Observed {
         motion.transl = rng.vecs(1, -0.1, 0.1);
         motion.timestamps = {0};
         Rig<cpu::Serial, double>(backend, rig).upload_pose(motion, 0, pose);
-        joints = motion_joints(body, motion);
+        for (Landmark& mark : marks) mark.joint = -1;
+        for (int k = 0; k < 4; ++k) marks[static_cast<std::size_t>(k)] = {k, rng.vecs(1, -0.1, 0.1)[0], 0.02};
+        const MotionLandmarks posed(body, motion, marks);
+        for (int k = 0; k < 4; ++k) places.push_back(posed.at(0, k));
     }
-    /// Keypoints of all joints in both cameras, moved by `off` pixels each.
+    /// Keypoints of all landmarks in both cameras, moved by `off` pixels each.
     [[nodiscard]] std::vector<std::vector<ViewKeypoints>> views(double off) const {
         test::Rng rng(3);
         std::vector<std::vector<ViewKeypoints>> frames(1);
         for (const Camera<double>& camera : cameras) {
-            auto& view = frames[0].emplace_back(ViewKeypoints{camera, {}});
+            auto& view = frames[0].emplace_back(ViewKeypoints{.camera = camera, .points = {}});
             for (int j = 0; j < 4; ++j) {
-                const vec2<double> at = to_pixel(camera, to_camera(camera, joints[static_cast<std::size_t>(j)]));
+                const vec2<double> at = to_pixel(camera, to_camera(camera, places[static_cast<std::size_t>(j)]));
                 const double angle = rng.numbers(1, 0, 6.28)[0];
                 view.points.push_back({j, at + vec2<double>(std::cos(angle), std::sin(angle)) * off,
                                        rng.numbers(1, 0.3, 1)[0]});
@@ -59,12 +64,12 @@ struct Observed {
 
 } // namespace
 
-TEST_CASE("keypoints at the projected joints cost nothing; off by d they cost weight times c (√(1 + d²/δ²) - 1)") {
+TEST_CASE("keypoints at the projected landmarks cost nothing; off by d they cost weight times c (√(1 + d²/δ²) - 1)") {
     Observed scene;
-    KeypointTerm<cpu::Serial, double> exact(scene.backend, scene.rig, scene.views(0), {.weight = 3});
+    KeypointTerm<cpu::Serial, double> exact(scene.backend, scene.rig, scene.views(0), scene.marks, {.weight = 3});
     CHECK(std::abs(exact.value(0, scene.pose)) < 1e-12);
     const auto views = scene.views(4); // δ is 1.6 pixels
-    KeypointTerm<cpu::Serial, double> off(scene.backend, scene.rig, views, {.weight = 3});
+    KeypointTerm<cpu::Serial, double> off(scene.backend, scene.rig, views, scene.marks, {.weight = 3});
     double sum = 0;
     for (const ViewKeypoints& view : views[0])
         for (const Keypoint& point : view.points) sum += point.confidence * (std::sqrt(1 + 2.5 * 2.5) - 1);
@@ -76,7 +81,7 @@ TEST_CASE("keypoints at the projected joints cost nothing; off by d they cost we
 
 TEST_CASE("the adjoint is the gradient with respect to pose, transl and coefficients, and adds") {
     Observed scene;
-    KeypointTerm<cpu::Serial, double> term(scene.backend, scene.rig, scene.views(6), {.weight = 2});
+    KeypointTerm<cpu::Serial, double> term(scene.backend, scene.rig, scene.views(6), scene.marks, {.weight = 2});
     std::vector<vec3<double>> dL_dpose(4, vec3<double>(0)), dL_dtransl(1, vec3<double>(0));
     std::vector<double> dL_dcoefficients(scene.pose.coefficients.size(), 0);
     const RigPoseGradient<double> gradient{dL_dpose, dL_dcoefficients, dL_dtransl};
@@ -85,8 +90,7 @@ TEST_CASE("the adjoint is the gradient with respect to pose, transl and coeffici
     const auto check = [&](Span<double> x, Span<const double> dL_dx) {
         test::check_gradient(value, x, dL_dx, {.step = 1e-6, .tolerance = 2e-6});
     };
-    for (std::size_t j = 0; j < 3; ++j) check(test::scalars(scene.pose.pose[j]), test::scalars(dL_dpose[j]));
-    CHECK(length(dL_dpose[3]) < 1e-12); // a joint does not move when it turns, and this one has no children
+    for (std::size_t j = 0; j < 4; ++j) check(test::scalars(scene.pose.pose[j]), test::scalars(dL_dpose[j]));
     check(test::scalars(scene.pose.transl[0]), test::scalars(dL_dtransl[0]));
     check(Span<double>(scene.pose.coefficients.data(), scene.pose.coefficients.size()), dL_dcoefficients);
     const vec3<double> once = dL_dpose[1];
@@ -102,7 +106,7 @@ TEST_CASE("the adjoint's values are those of the body's own joints under every b
         using B = std::remove_reference_t<decltype(backend)>;
         RigPose<B, double> pose;
         Rig<B, double>(backend, scene.rig).upload_pose(scene.motion, 0, pose);
-        KeypointTerm<B, double> term(backend, scene.rig, scene.views(6));
+        KeypointTerm<B, double> term(backend, scene.rig, scene.views(6), scene.marks);
         std::vector<vec3<double>> dL_dpose(4, vec3<double>(0));
         term.backward(0, pose, {.pose = dL_dpose, .coefficients = {}, .transl = {}});
         return dL_dpose;
@@ -112,31 +116,42 @@ TEST_CASE("the adjoint's values are those of the body's own joints under every b
 
 TEST_CASE("each person gets the nearest detection, once; other points and doubtful ones are left out") {
     const Camera<double> camera = look_at<double>({0, 0, 4}, {0, 0, 0}, {0, 1, 0}, 0.5, 200, 200);
-    const int shoulder = smplx_joint("left_shoulder"), elbow = smplx_joint("left_elbow"), jaw = smplx_joint("jaw");
-    std::vector<int> joints(smplx_joint_names.size(), -1); // this body has two joints
-    joints[static_cast<std::size_t>(shoulder)] = 0, joints[static_cast<std::size_t>(elbow)] = 1;
-    const std::vector<std::vector<vec3<double>>> posed{{{-0.5, 0, 0}, {-0.5, -0.3, 0}}, {{0.5, 0, 0}, {0.5, -0.3, 0}}};
-    const auto seen = [&](double x, double y, int joint, double confidence) {
-        return Keypoint{joint, to_pixel(camera, to_camera(camera, vec3<double>(x, y, 0))), confidence};
+    const BodyModel body = test::tube(2, 4, 4);
+    const int shoulder = landmark_number("left_shoulder"), elbow = landmark_number("left_elbow"),
+              nose = landmark_number("nose");
+    Landmarks marks{}; // this body has two landmarks
+    for (Landmark& mark : marks) mark.joint = -1;
+    marks[static_cast<std::size_t>(shoulder)] = {0, vec3<double>(0), 0.02};
+    marks[static_cast<std::size_t>(elbow)] = {1, vec3<double>(0), 0.02};
+    std::vector<MotionLandmarks> posed;
+    for (const double x : {-0.5, 0.5}) {
+        Motion motion;
+        motion.joint_count = 2, motion.pose.assign(2, vec3<double>(0)), motion.timestamps = {0};
+        motion.transl = {vec3<double>(x, 0, 0)};
+        posed.emplace_back(body, motion, marks);
+    }
+    const auto seen = [&](std::size_t person, double off, int landmark, double confidence) {
+        const vec3<double> place = landmark == nose ? vec3<double>(0.5, 0.2, 0) : posed[person].at(0, landmark);
+        return Keypoint{landmark, to_pixel(camera, to_camera(camera, place + vec3<double>(off, 0, 0))), confidence};
     };
     PhotoKeypoints photo{0, 0, {}};
-    photo.people.push_back({seen(0.45, 0, shoulder, 0.9), seen(0.5, -0.3, elbow, 0.1), seen(0.5, 0.2, jaw, 1)});
-    photo.people.push_back({seen(-0.4, 0, shoulder, 0.9), seen(-0.5, -0.3, elbow, 0.8)});
-    photo.people.push_back({seen(3, 0, shoulder, 0.9)}); // somebody else
-    const auto found = keypoints_of_people({photo}, {camera}, posed, {joints, joints}, 1);
+    photo.people.push_back({{seen(1, -0.05, shoulder, 0.9), seen(1, 0, elbow, 0.1), seen(1, 0, nose, 1)}, {}});
+    photo.people.push_back({{seen(0, 0.1, shoulder, 0.9), seen(0, 0, elbow, 0.8)}, {}});
+    photo.people.push_back({{seen(1, 2.5, shoulder, 0.9)}, {}}); // somebody else
+    const auto found = keypoints_of_people({photo}, {camera}, posed, 1);
     REQUIRE(found.size() == 2);
     REQUIRE(found[0][0].size() == 1);
     REQUIRE(found[1][0].size() == 1);
     CHECK(found[0][0][0].points.size() == 2);
     REQUIRE(found[1][0][0].points.size() == 1);
-    CHECK(found[1][0][0].points[0].joint == 0);
-    CHECK(found[1][0][0].points[0].pixel == photo.people[0][0].pixel);
+    CHECK(found[1][0][0].points[0].landmark == shoulder);
+    CHECK(found[1][0][0].points[0].pixel == photo.people[0].points[0].pixel);
 }
 
 TEST_CASE("keypoints and settings that cannot be are refused") {
     Observed scene;
     const auto attempt = [&](Keypoint point, KeypointTermParams params = {}) {
-        KeypointTerm<cpu::Serial, double>(scene.backend, scene.rig, {{{scene.cameras[0], {point}}}}, params);
+        KeypointTerm<cpu::Serial, double>(scene.backend, scene.rig, {{{.camera = scene.cameras[0], .points = {point}}}}, scene.marks, params);
     };
     CHECK_NOTHROW(attempt({0, {1, 2}, 0.5}));
     CHECK_THROWS_AS(attempt({4, {1, 2}, 0.5}), ValueError);

@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gsh/body/joint_error.hpp>
+#include <gsh/body/landmarks.hpp>
+#include <gsh/body/motion_landmarks.hpp>
 #include <gsh/cpu.hpp>
 #include <gsh/io/capture/photos.hpp>
 #include <gsh/synthetic/actor.hpp>
@@ -102,20 +104,20 @@ TEST_CASE("Registration corrects poses that are wrong in all frames alike, seen 
 
 TEST_CASE("Keypoints with errors of a detector bring the joints nearer") {
     RoughTurn& scene = rough_turn();
-    const std::vector<vec3<double>> joints = motion_joints(scene.body, scene.truth);
-    const std::size_t J = scene.truth.joint_count;
+    const MotionLandmarks places(scene.body, scene.truth, landmarks_of(scene.body));
     std::vector<std::vector<ViewKeypoints>> keypoints(scene.truth.frame_count());
     test::Rng rng(4);
     for (const Photo& photo : scene.photos) {
-        auto& view = keypoints[photo.frame].emplace_back(ViewKeypoints{photo.camera, {}});
-        for (const int j : {4, 5, 7, 8, 16, 17, 18, 19, 20, 21}) { // what both detectors name
-            const vec3<double>& joint = joints[photo.frame * J + static_cast<std::size_t>(j)];
-            const std::vector<double> off = rng.numbers(2, -1, 1); // pixels of 160
-            view.points.push_back({j, to_pixel(photo.camera, to_camera(photo.camera, joint)) +
-                                          vec2<double>(off[0], off[1]), 0.8});
-        }
+        auto& view = keypoints[photo.frame].emplace_back(ViewKeypoints{.camera = photo.camera, .points = {}});
+        for (const char* part : {"knee", "ankle", "shoulder", "elbow", "wrist"})
+            for (const char* side : {"left_", "right_"}) {
+                const int landmark = landmark_number(std::string(side) + part);
+                const vec2<double> pixel = to_pixel(photo.camera, to_camera(photo.camera, places.at(photo.frame, landmark)));
+                const std::vector<double> off = rng.numbers(2, -1, 1); // pixels of 160
+                view.points.push_back({landmark, pixel + vec2<double>(off[0], off[1]), 0.8});
+            }
     }
-    keypoints[3][0].points[0].pixel += vec2<double>(60, -60); // an ankle that is somewhere else
+    keypoints[3][0].points[0].pixel += vec2<double>(60, -60); // a knee that is somewhere else
     const double without = scene.error(scene.of_all_photos().motions[0]);
     const double with = scene.error(scene.registered(scene.backend, scene.photos, keypoints).motions[0]);
     MESSAGE("joints: " << without << " mm without keypoints, " << with << " mm with them");

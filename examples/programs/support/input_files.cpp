@@ -78,9 +78,9 @@ std::string keypoints_checksum(const std::vector<PhotoKeypoints>& keypoints) {
     const auto add = [&](const auto& number) { crc.add(reinterpret_cast<const char*>(&number), sizeof number); };
     for (const PhotoKeypoints& photo : keypoints) {
         add(photo.camera), add(photo.frame);
-        for (const auto& person : photo.people)
-            for (const Keypoint& point : person)
-                add(point.joint), add(point.pixel.x), add(point.pixel.y), add(point.confidence);
+        for (const Detection& person : photo.people)
+            for (const Keypoint& point : person.points)
+                add(point.landmark), add(point.pixel.x), add(point.pixel.y), add(point.confidence);
     }
     return text_of(crc.value());
 }

@@ -34,22 +34,18 @@ std::vector<std::size_t> doubtful_frames(const std::vector<double>& weights) {
 std::size_t give_keypoints(const Source& source, std::vector<RegisteredPerson>& people) {
     std::vector<Camera<double>> cameras;
     for (const NamedCamera& camera : source.capture.cameras) cameras.push_back(camera.camera);
-    std::vector<std::vector<vec3<double>>> posed;
-    std::vector<std::vector<int>> joints;
-    for (const RegisteredPerson& person : people) {
-        joints.push_back(joints_by_name(*person.body));
-        posed.push_back(motion_joints(*person.body, *person.motion));
-    }
-    const auto scales =
-        keypoint_scales(source.keypoints, cameras, posed, joints, source.capture.frame_count());
+    std::vector<MotionLandmarks> posed;
+    for (const RegisteredPerson& person : people)
+        posed.emplace_back(*person.body, *person.motion, landmarks_of(*person.body));
+    const auto scales = keypoint_scales(source.keypoints, cameras, posed);
     for (std::size_t c = 0; c < cameras.size(); ++c)
         if (scales[c])
             throw ValueError("--keypoints: those of camera '" + source.capture.cameras[c].name + "' are " +
-                             fixed(*scales[c], 2) + " times as far from the image's corner as the joints that they " +
+                             fixed(*scales[c], 2) + " times as far from the image's corner as the points of the body that they " +
                              "show, so they were found in images of another size; detect on images of " +
                              std::to_string(cameras[c].width) + " x " + std::to_string(cameras[c].height) +
                              ", the size in which gsh reads them");
-    auto found = keypoints_of_people(source.keypoints, cameras, posed, joints, source.capture.frame_count());
+    auto found = keypoints_of_people(source.keypoints, cameras, posed, source.capture.frame_count());
     std::size_t count = 0;
     for (std::size_t p = 0; p < people.size(); ++p) {
         for (const auto& frame : found[p])

@@ -4,7 +4,7 @@
 
 #include <gsh/body/body_model.hpp>
 #include <gsh/body/motion.hpp>
-#include <gsh/body/skeleton.hpp>
+#include <gsh/body/motion_bones.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/math/affine.hpp>
@@ -52,24 +52,10 @@ struct JointErrors {
 ///
 /// Errors  those of validate(Motion).
 [[nodiscard]] inline std::vector<vec3<double>> motion_joints(const BodyModel& model, const Motion& motion) {
-    validate(motion, model, "motion_joints");
-    const std::size_t J = model.joint_count(), E = static_cast<std::size_t>(model.expression_count);
-    const auto shaped = regress_joints(model, shaped_vertices(model, motion.betas));
-    const auto directions =
-        motion.expression_count ? joint_directions(model, model.exprdirs) : std::vector<vec3<double>>();
-    std::vector<vec3<double>> result, rest(J);
-    std::vector<mat3<double>> rotations(J);
-    std::vector<Affine<double>> bones(J);
-    for (std::size_t t = 0; t < motion.frame_count(); ++t) {
-        for (std::size_t j = 0; j < J; ++j) {
-            rest[j] = shaped[j];
-            for (std::size_t k = 0; k < motion.expression_count; ++k)
-                rest[j] += directions[j * E + k] * motion.expression_at(t)[k];
-            rotations[j] = rotation_from_axis_angle(motion.pose_at(t)[j]);
-        }
-        bone_transforms<double>(model.parents, rotations, rest, motion.transl[t], bones);
-        for (std::size_t j = 0; j < J; ++j) result.push_back(bones[j](rest[j]));
-    }
+    std::vector<vec3<double>> result;
+    for_each_pose(model, motion, [&](std::size_t, Span<const Affine<double>> bones, Span<const vec3<double>> rest) {
+        for (std::size_t j = 0; j < rest.size(); ++j) result.push_back(bones[j](rest[j]));
+    });
     return result;
 }
 

@@ -32,6 +32,14 @@ inline constexpr std::array<std::string_view, 55> smplx_joint_names = {
 /// The number of a joint of SMPL-X, or -1.
 [[nodiscard]] inline int smplx_joint(std::string_view name);
 
+/// The joint of SMPL-X on the other side, or the same in the middle.
+[[nodiscard]] constexpr int mirrored_smplx_joint(int joint) {
+    if (joint >= 25) return joint < 40 ? joint + 15 : joint - 15; // fingers
+    for (const int left : {1, 4, 7, 10, 13, 16, 18, 20, 23})
+        if (joint == left || joint == left + 1) return 2 * left + 1 - joint;
+    return joint;
+}
+
 /// The names of a body's joints: for 22, 24, 52 and 55 joints those of SMPL, SMPL-H and SMPL-X, for others the model's
 /// own, or joint_0, joint_1, …
 [[nodiscard]] inline std::vector<std::string> joint_names_of(const BodyModel& model);

@@ -79,6 +79,21 @@ GSH_HD void rotation_from_axis_angle_backward(const vec3<T>& v, const mat3<T>& d
     dL_dv += skew * c.c1 + (forth + back) * c.c2 + v * (T(2) * dL_du);
 }
 
+/// J with rotation_from_axis_angle(v + dv) = rotation_from_axis_angle(J dv) rotation_from_axis_angle(v) to first order:
+/// the turn, in the frame that v rotates into, per change of v. The left Jacobian of SO(3).
+///
+/// Source  Solà et al., "A micro Lie theory for state estimation in robotics", 2018, equation 145.
+template <Lane T>
+[[nodiscard]] GSH_HD mat3<T> axis_angle_jacobian(const vec3<T>& v) {
+    const T u = dot(v, v);
+    const detail::Stumpff<T> c(u);
+    const vec3<T> s = v * c.c2, b = v * c.c3; // J = I + c2 [v]x + c3 [v]x²
+    const T diagonal = T(1) - c.c3 * u;
+    return mat3<T>(vec3<T>(diagonal + b.x * v.x, b.x * v.y + s.z, b.x * v.z - s.y),
+                   vec3<T>(b.x * v.y - s.z, diagonal + b.y * v.y, b.y * v.z + s.x),
+                   vec3<T>(b.x * v.z + s.y, b.y * v.z - s.x, diagonal + b.z * v.z));
+}
+
 /// The order of the factors: xyz means R = Rx(angles[0]) Ry(angles[1]) Rz(angles[2]), intrinsic rotations from left to
 /// right. The same rotations about fixed axes have the reversed order and the reversed angles.
 enum class EulerOrder { xyz, xzy, yxz, yzx, zxy, zyx };

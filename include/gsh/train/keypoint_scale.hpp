@@ -3,6 +3,7 @@
 #pragma once
 
 #include <gsh/body/keypoints.hpp>
+#include <gsh/body/motion_landmarks.hpp>
 #include <gsh/camera/pinhole.hpp>
 #include <gsh/math/vec.hpp>
 
@@ -18,12 +19,10 @@ namespace gsh {
 /// a quarter, explain the distances between keypoints and joints to 40% or less, and these must be large, 5% of the
 /// image's height. Poses of an estimator therefore have none.
 ///
-/// Shapes  result [cameras]; posed [P] of [T, J of body p], world positions of the estimates; joints [P] are the
-///         bodies' joints_by_name.
-[[nodiscard]] inline std::vector<std::optional<double>>
-keypoint_scales(const std::vector<PhotoKeypoints>& found, const std::vector<Camera<double>>& cameras,
-                const std::vector<std::vector<vec3<double>>>& posed, const std::vector<std::vector<int>>& joints,
-                std::size_t frame_count);
+/// Shapes  result [cameras]; posed [P], the people's estimated landmarks.
+[[nodiscard]] inline std::vector<std::optional<double>> keypoint_scales(const std::vector<PhotoKeypoints>& found,
+                                                                        const std::vector<Camera<double>>& cameras,
+                                                                        const std::vector<MotionLandmarks>& posed);
 
 // -------------------------------------------------------------------------------------------------------------
 
@@ -51,23 +50,18 @@ struct ScaleSums {
 
 inline std::vector<std::optional<double>> keypoint_scales(const std::vector<PhotoKeypoints>& found,
                                                           const std::vector<Camera<double>>& cameras,
-                                                          const std::vector<std::vector<vec3<double>>>& posed,
-                                                          const std::vector<std::vector<int>>& joints,
-                                                          std::size_t frame_count) {
+                                                          const std::vector<MotionLandmarks>& posed) {
     std::vector<detail::ScaleSums> sums(cameras.size());
     for (const PhotoKeypoints& photo : found) {
         const Camera<double>& camera = cameras[photo.camera];
         std::optional<detail::ScaleSums> best; // of all people and detections, those whose shapes agree most
-        for (std::size_t p = 0; p < posed.size(); ++p)
-            for (const std::vector<Keypoint>& person : photo.people) {
+        for (const MotionLandmarks& body : posed)
+            for (const Detection& person : photo.people) {
                 detail::ScaleSums pair;
                 std::size_t points = 0;
-                for (const Keypoint& point : person) {
-                    const int joint = joints[p][static_cast<std::size_t>(point.joint)];
-                    if (joint < 0) continue;
-                    const std::size_t J = posed[p].size() / frame_count;
-                    const vec3<double> x =
-                        to_camera(camera, posed[p][photo.frame * J + static_cast<std::size_t>(joint)]);
+                for (const Keypoint& point : person.points) {
+                    if (!body.has(point.landmark)) continue;
+                    const vec3<double> x = to_camera(camera, body.at(photo.frame, point.landmark));
                     if (x.z < 0.01) continue;
                     pair.add(point.pixel, to_pixel(camera, x), point.confidence), ++points;
                 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  The keypoint term: joints are projected and compared with what a detector found, with adjoint.
+/// @file  The keypoint term: landmarks are projected and compared with what a detector found, with adjoint.
 #pragma once
 
 #include <gsh/avatar/rig.hpp>
@@ -7,11 +7,14 @@
 #include <gsh/body/blend_shapes.hpp>
 #include <gsh/body/body_model.hpp>
 #include <gsh/body/keypoints.hpp>
+#include <gsh/body/landmarks.hpp>
+#include <gsh/body/motion_landmarks.hpp>
 #include <gsh/body/skeleton.hpp>
 #include <gsh/camera/pinhole.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/core/ordered_indices.hpp>
 #include <gsh/core/span.hpp>
+#include <gsh/fit/view_keypoints.hpp>
 #include <gsh/math/affine.hpp>
 #include <gsh/math/vec.hpp>
 
@@ -25,32 +28,27 @@
 
 namespace gsh {
 
-/// The keypoints of one person in one photograph, with the photograph's camera.
-struct ViewKeypoints {
-    Camera<double> camera;
-    std::vector<Keypoint> points; ///< joints are those of the body
-};
-
 struct KeypointTermParams {
     double weight = 0.02;
     double reach = 0.01; ///< share of an image's height beyond which a distance counts linearly
 };
 
 /// E = weight / n Σ c (√(1 + d²/δ²) - 1) over the n keypoints of a frame: d is the distance in pixels of a keypoint to
-/// its projected joint, c its confidence, δ the image's height times `reach`. A keypoint that is far off, for instance
-/// that of the other arm, pulls no harder than one that is a few δ away (pseudo-Huber). Joints behind a camera do not
-/// count.
+/// its projected landmark, c its confidence, δ the image's height times `reach`. A keypoint that is far off, for
+/// instance that of the other arm, pulls no harder than one that is a few δ away (pseudo-Huber). Landmarks behind a
+/// camera do not count.
 ///
-/// Shapes  views [T] of each frame.
+/// Shapes  views [T] of each frame; marks with the rig's joints (landmarks_of).
 /// Frame   cameras and poses in the world.
-/// Errors  ValueError for a weight, reach or confidence out of range, a pixel that is not finite, or a joint that the
-///         rig does not have.
+/// Errors  ValueError for a weight, reach or confidence out of range, a pixel that is not finite, or a landmark that
+///         the rig does not have.
 template <CpuBackend B, std::floating_point T = float>
 class KeypointTerm {
 public:
-    KeypointTerm(B& backend, const RigData& rig, std::vector<std::vector<ViewKeypoints>> views,
+    KeypointTerm(B& backend, const RigData& rig, std::vector<std::vector<ViewKeypoints>> views, const Landmarks& marks,
                  const KeypointTermParams& params = {})
-        : backend_(&backend), params_(params), views_(std::move(views)), skeleton_(backend, rig.body.parents),
+        : backend_(&backend), params_(params), views_(std::move(views)), marks_(marks),
+          skeleton_(backend, rig.body.parents),
           shapes_(backend, rig.joint_count(),
                   {joint_directions(rig.body, rig.body.shapedirs), joint_directions(rig.body, rig.body.exprdirs)}),
           shape_count_(rig.betas.size()) {
@@ -60,8 +58,11 @@ public:
         for (const auto& frame : views_)
             for (const ViewKeypoints& view : frame)
                 for (const Keypoint& point : view.points) {
-                    check_value(point.joint >= 0 && static_cast<std::size_t>(point.joint) < rig.joint_count(), where,
-                                "keypoint of joint " + std::to_string(point.joint) + ", which the rig does not have");
+                    const bool known = point.landmark >= 0 && static_cast<std::size_t>(point.landmark) < marks.size();
+                    const int joint = known ? marks[static_cast<std::size_t>(point.landmark)].joint : -1;
+                    check_value(joint >= 0 && static_cast<std::size_t>(joint) < rig.joint_count(), where,
+                                "keypoint of landmark " + std::to_string(point.landmark) +
+                                    ", which the rig does not have");
                     check_value(point.confidence >= 0 && point.confidence <= 1, where,
                                 "a confidence lies outside of [0, 1]");
                     check_value(std::isfinite(point.pixel.x) && std::isfinite(point.pixel.y), where,
@@ -89,30 +90,28 @@ public:
     [[nodiscard]] double value(std::size_t frame, const RigPose<B, T>& pose) {
         if (!has(frame)) return 0;
         forward(pose);
-        return compare(frame, nullptr);
+        return compare(frame, [](std::size_t, const vec3<double>&, const vec3<double>&) {});
     }
     /// Adds to the parts of dL_dpose that are not empty.
     void backward(std::size_t frame, const RigPose<B, T>& pose, const RigPoseGradient<T>& dL_dpose) {
         if (!has(frame) || params_.weight == 0) return;
         const std::size_t J = rest_.size();
         forward(pose);
-        std::vector<vec3<double>> dL_dposed(J, vec3<double>(0));
-        (void)compare(frame, &dL_dposed);
-        std::vector<Affine<T>> dL_dbones(J);
-        std::vector<vec3<T>> dL_djoints(J), dL_dtransl(1, vec3<T>(T(0)));
-        for (std::size_t j = 0; j < J; ++j) { // x = L J + t
-            const vec3<T> dL_dx(dL_dposed[j]);
-            dL_dbones[j] = {outer(dL_dx, host_joints_[j]), dL_dx};
-            dL_djoints[j] = transpose(host_bones_[j].linear) * dL_dx;
-        }
+        std::vector<Affine<T>> dL_dbones(J, Affine<T>::zero());
+        std::vector<vec3<T>> dL_djoints(J, vec3<T>(T(0))), dL_dtransl(1, vec3<T>(T(0)));
+        (void)compare(frame, [&](std::size_t j, const vec3<double>& rest, const vec3<double>& dL_dplace) {
+            const vec3<T> dL_dx(dL_dplace); // x = L (J + offset) + t
+            dL_dbones[j].linear += outer(dL_dx, vec3<T>(rest));
+            dL_dbones[j].translation += dL_dx;
+            dL_djoints[j] += transpose(host_bones_[j].linear) * dL_dx;
+        });
         put(dL_dbones, dL_dbones_), put(dL_djoints, dL_djoints_), put(dL_dtransl, dL_dtransl_);
         dL_drotations_.resize(J);
         backend_->fill(Span<mat3<T>>(dL_drotations_), mat3<T>(T(0)));
         skeleton_.bones_backward(rotations_, joints_, bones_, Span<const Affine<T>>(dL_dbones_), dL_drotations_,
                                  dL_djoints_, dL_dtransl_);
         if (!dL_dpose.pose.empty()) skeleton_.rotations_backward(pose.pose, dL_drotations_, dL_dpose.pose);
-        if (!dL_dpose.transl.empty())
-            backend_->for_each(1, detail::Accumulate<vec3<T>>{dL_dtransl_, dL_dpose.transl});
+        if (!dL_dpose.transl.empty()) backend_->for_each(1, detail::Accumulate<vec3<T>>{dL_dtransl_, dL_dpose.transl});
         if (!dL_dpose.coefficients.empty())
             shapes_.backward(Span<const vec3<T>>(dL_djoints_), dL_dpose.coefficients, workspace_);
     }
@@ -141,26 +140,29 @@ private:
         backend_->download(Span<const vec3<T>>(joints_), Span<vec3<T>>(host_joints_));
         backend_->download(Span<const Affine<T>>(bones_), Span<Affine<T>>(host_bones_));
     }
-    /// E, and the gradient with respect to the posed joints if it is wanted.
-    double compare(std::size_t frame, std::vector<vec3<double>>* dL_dposed) const {
+    /// E; pull(joint, point at rest, gradient with respect to the posed point) is called for each keypoint.
+    template <class Pull>
+    double compare(std::size_t frame, const Pull& pull) const {
         double sum = 0, count = 0;
         for (const ViewKeypoints& view : views_[frame]) count += static_cast<double>(view.points.size());
         const double scale = params_.weight / count;
         for (const ViewKeypoints& view : views_[frame]) {
             const double delta = params_.reach * view.camera.height;
             for (const Keypoint& point : view.points) {
-                const auto j = static_cast<std::size_t>(point.joint);
-                const vec3<double> world(host_bones_[j](host_joints_[j]));
+                const Landmark& mark = marks_[static_cast<std::size_t>(point.landmark)];
+                const auto j = static_cast<std::size_t>(mark.joint);
+                const vec3<double> rest = vec3<double>(host_joints_[j]) + mark.offset;
+                const vec3<double> world(host_bones_[j](vec3<T>(rest)));
                 const vec3<double> p = to_camera(view.camera, world);
                 if (p.z < 0.01) continue;
                 const vec2<double> off = (to_pixel(view.camera, p) - point.pixel) * (1 / delta);
                 const double root = std::sqrt(1 + off.x * off.x + off.y * off.y);
                 sum += point.confidence * (root - 1);
-                if (!dL_dposed) continue;
                 CameraGradient<double> ignored{};
-                vec3<double> dL_dp(0);
+                vec3<double> dL_dp(0), dL_dworld(0);
                 to_pixel_backward(view.camera, p, off * (scale * point.confidence / (root * delta)), dL_dp, ignored);
-                to_camera_backward(view.camera, world, dL_dp, (*dL_dposed)[j], ignored);
+                to_camera_backward(view.camera, world, dL_dp, dL_dworld, ignored);
+                pull(j, rest, dL_dworld);
             }
         }
         return scale * sum;
@@ -169,10 +171,11 @@ private:
     B* backend_;
     KeypointTermParams params_;
     std::vector<std::vector<ViewKeypoints>> views_;
+    Landmarks marks_;
     Skeleton<B, T> skeleton_;
     BlendShapes<B, T> shapes_; // of the joints
     std::size_t shape_count_;
-    Buffer<vec3<T>> rest_; // [J] at the rig's shape
+    Buffer<vec3<T>> rest_;   // [J] at the rig's shape
     std::vector<T> initial_; // [S + E] coefficients of rest_
 
     Buffer<T> coefficients_;
@@ -185,15 +188,13 @@ private:
 };
 
 /// The keypoints of each person's views, by frame. In each photograph, the detection of a person is the one that lies
-/// nearest to the person's joints as estimated, by the mean distance of its confident keypoints; a detection serves one
-/// person. Keypoints below `least_confidence`, and joints that a body does not have, are left out.
+/// nearest to the person's landmarks as estimated, by the mean distance of its confident keypoints; a detection serves
+/// one person. Keypoints below `least_confidence`, and landmarks that a body does not have, are left out.
 ///
-/// Shapes  posed [P] of [T, J of body p], world positions of the estimates (motion_joints); joints [P] are the bodies'
-///         joints_by_name; the result is [P] of [T].
+/// Shapes  posed [P], the people's estimated landmarks; the result is [P] of [T].
 [[nodiscard]] inline std::vector<std::vector<std::vector<ViewKeypoints>>>
 keypoints_of_people(const std::vector<PhotoKeypoints>& found, const std::vector<Camera<double>>& cameras,
-                    const std::vector<std::vector<vec3<double>>>& posed, const std::vector<std::vector<int>>& joints,
-                    std::size_t frame_count, double least_confidence = 0.2) {
+                    const std::vector<MotionLandmarks>& posed, std::size_t frame_count, double least_confidence = 0.2) {
     std::vector<std::vector<std::vector<ViewKeypoints>>> result(posed.size());
     for (auto& person : result) person.resize(frame_count);
     for (const PhotoKeypoints& photo : found) {
@@ -208,13 +209,10 @@ keypoints_of_people(const std::vector<PhotoKeypoints>& found, const std::vector<
             for (std::size_t d = 0; d < photo.people.size(); ++d) {
                 double sum = 0, count = 0;
                 auto& mine = points[p].emplace_back();
-                for (Keypoint point : photo.people[d]) {
-                    point.joint = joints[p][static_cast<std::size_t>(point.joint)];
-                    if (point.joint < 0 || point.confidence < least_confidence) continue;
+                for (const Keypoint& point : photo.people[d].points) {
+                    if (!posed[p].has(point.landmark) || point.confidence < least_confidence) continue;
                     mine.push_back(point);
-                    const std::size_t J = posed[p].size() / frame_count;
-                    const vec3<double> x =
-                        to_camera(camera, posed[p][photo.frame * J + static_cast<std::size_t>(point.joint)]);
+                    const vec3<double> x = to_camera(camera, posed[p].at(photo.frame, point.landmark));
                     if (x.z < 0.01) continue;
                     const vec2<double> off = to_pixel(camera, x) - point.pixel;
                     sum += point.confidence * std::sqrt(off.x * off.x + off.y * off.y), count += point.confidence;
@@ -228,7 +226,10 @@ keypoints_of_people(const std::vector<PhotoKeypoints>& found, const std::vector<
             const Match& match = matches[m];
             if (person_done[match.person] || detection_done[match.detection]) continue;
             person_done[match.person] = detection_done[match.detection] = true;
-            result[match.person][photo.frame].push_back({camera, points[match.person][match.detection]});
+            result[match.person][photo.frame].push_back({.camera = camera,
+                                                         .points = points[match.person][match.detection],
+                                                         .metric = photo.people[match.detection].metric,
+                                                         .camera_number = photo.camera});
         }
     }
     return result;

@@ -4,10 +4,12 @@
 
 #include <gsh/backend/backend.hpp>
 #include <gsh/body/body_model.hpp>
+#include <gsh/body/landmarks.hpp>
 #include <gsh/body/motion.hpp>
 #include <gsh/camera/pinhole.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/core/span.hpp>
+#include <gsh/fit/view_keypoints.hpp>
 #include <gsh/image/pixel_box.hpp>
 #include <gsh/pipeline/configured_avatar.hpp>
 #include <gsh/pipeline/photo.hpp>
@@ -218,7 +220,7 @@ void register_level(B& backend, Span<const RegisteredPerson> people, LevelInput 
         for (auto& of_frame : views)
             for (ViewKeypoints& view : of_frame)
                 if (camera) view.camera.fx *= *result.focal, view.camera.fy *= *result.focal;
-        keypoints.emplace_back(backend, made.rig, std::move(views), keypoint_params);
+        keypoints.emplace_back(backend, made.rig, std::move(views), landmarks_of(made.rig.body), keypoint_params);
         cast.push_back({&models.back(), &motion});
     }
     Scene scene(backend, cast);

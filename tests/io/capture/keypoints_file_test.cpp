@@ -43,9 +43,9 @@ std::string message_of(const std::function<void()>& f) {
     return "none";
 }
 
-const Keypoint* find(const std::vector<Keypoint>& points, const char* joint) {
+const Keypoint* find(const std::vector<Keypoint>& points, const char* landmark) {
     for (const Keypoint& point : points)
-        if (point.joint == smplx_joint(joint)) return &point;
+        if (point.landmark == landmark_number(landmark)) return &point;
     return nullptr;
 }
 
@@ -71,7 +71,7 @@ struct OpenPose {
 
 } // namespace
 
-TEST_CASE("OpenPose's files are read: camera and frame from the names, joints by their numbers") {
+TEST_CASE("OpenPose's files are read: camera and frame from the names, landmarks by their numbers") {
     const OpenPose files;
     const std::vector<PhotoKeypoints> found = files.load();
     REQUIRE(found.size() == 2); // right 4 has no people
@@ -79,12 +79,14 @@ TEST_CASE("OpenPose's files are read: camera and frame from the names, joints by
     CHECK((found[1].camera == 1 && found[1].frame == 3));
     REQUIRE(found[0].people.size() == 2);
     REQUIRE(found[1].people.size() == 1);
-    const std::vector<Keypoint>& points = found[0].people[1];
-    CHECK(points.size() == 10 + 15); // shoulders, elbows, wrists, knees, ankles; a hand
+    const std::vector<Keypoint>& points = found[0].people[1].points;
+    CHECK(points.size() == 25 + 21); // a body and a hand
     REQUIRE((find(points, "right_elbow") && find(points, "left_ankle") && find(points, "left_pinky2")));
     CHECK(find(points, "right_elbow")->pixel == vec2<double>(30, 31));
     CHECK(find(points, "left_ankle")->pixel == vec2<double>(140, 141));
     CHECK(find(points, "left_thumb1")->pixel == vec2<double>(10, 11));
+    CHECK(find(points, "left_pinky_tip")->pixel == vec2<double>(200, 201));
+    CHECK(find(points, "right_heel")->pixel == vec2<double>(240, 241));
     CHECK(find(points, "left_pinky2")->pixel == vec2<double>(180, 181));
     CHECK(find(points, "left_pinky2")->confidence == 0.5);
     CHECK(find(points, "right_index1") == nullptr);
@@ -189,21 +191,50 @@ TEST_CASE("a file of COCO-WholeBody is read; visibility counts as confidence, up
                      {{{"id", 12}, {"file_name", "images/left/0004.png"}},
                       {{"id", "b"}, {"file_name", "right_5.jpg"}}}},
                     {"annotations",
-                     {{{"image_id", "b"}, {"keypoints", body}, {"righthand_kpts", points(21)}, {"face_kpts", 3}},
+                     {{{"image_id", "b"}, {"keypoints", body}, {"righthand_kpts", points(21)}, {"foot_kpts", points(6)}, {"face_kpts", points(68)}},
                       {{"image_id", 12}, {"keypoints", points(17)}}}}};
     test::write_text(folder / "all.json", json.dump());
     const auto found = load_keypoints(folder / "all.json", cameras_called({"left", "right"}), 10);
     REQUIRE(found.size() == 2);
     CHECK((found[0].camera == 0 && found[0].frame == 4));
     CHECK((found[1].camera == 1 && found[1].frame == 5));
-    CHECK(found[0].people[0].size() == 10);
-    const std::vector<Keypoint>& points = found[1].people[0];
-    CHECK(points.size() == 9 + 15);
+    CHECK(found[0].people[0].points.size() == 17);
+    const std::vector<Keypoint>& points = found[1].people[0].points;
+    CHECK(points.size() == 16 + 6 + 8 + 21);
+    CHECK(find(points, "left_small_toe")->pixel == vec2<double>(10, 11));
+    CHECK(find(points, "right_face_mouth")->pixel == vec2<double>(480, 481));
     REQUIRE(find(points, "left_elbow"));
     CHECK(find(points, "left_elbow")->confidence == 1);
     CHECK(find(points, "left_elbow")->pixel == vec2<double>(70, 71));
     CHECK(find(points, "left_wrist") == nullptr);
     CHECK(find(points, "right_thumb3")->pixel == vec2<double>(30, 31));
+}
+
+TEST_CASE("points of MediaPipe are read: pose, hands, some of the face, and metres") {
+    test::Temporary folder;
+    Json person{{"image_id", 1}, {"mediapipe_pose", points(33)}, {"mediapipe_right_hand", points(21)},
+                {"mediapipe_face", points(478)}, {"mediapipe_world", points(33)}};
+    const auto load = [&] {
+        const Json json{{"images", {{{"id", 1}, {"file_name", "cam/0002.png"}}}}, {"annotations", {person}}};
+        test::write_text(folder / "all.json", json.dump());
+        return load_keypoints(folder / "all.json", cameras_called({"cam"}), 3);
+    };
+    const auto found = load();
+    REQUIRE(found.size() == 1);
+    CHECK(found[0].frame == 2);
+    const Detection& detection = found[0].people[0];
+    CHECK(detection.points.size() == 33 + 21 + 11);
+    CHECK(find(detection.points, "left_mouth_corner")->pixel == vec2<double>(90, 91));
+    CHECK(find(detection.points, "right_index_tip")->pixel == vec2<double>(80, 81));
+    CHECK(find(detection.points, "left_index_tip") == nullptr);
+    CHECK(find(detection.points, "left_face_eye_outer")->pixel == vec2<double>(2630, 2631));
+    REQUIRE(detection.metric.size() == 33);
+    CHECK(detection.metric[13].landmark == landmark_number("left_elbow"));
+    CHECK(detection.metric[13].position == vec3<double>(130, 131, 0.5));
+    person["mediapipe_world"] = points(32);
+    CHECK_THROWS_WITH_AS((void)load(), doctest::Contains("mediapipe_world has 96 elements, expected 99 numbers"), IoError);
+    person["mediapipe_world"] = Json::array(); // a detector without guesses
+    CHECK(load()[0].people[0].metric.empty());
 }
 
 TEST_CASE("damaged keypoints are refused, with file and field") {

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Reads keypoints of a capture's photographs: OpenPose's JSON files, or one JSON file of COCO-WholeBody.
+/// @file  Reads keypoints of photographs: files of OpenPose, or one file of COCO-WholeBody or MediaPipe.
 #pragma once
 
 #include <gsh/body/joint_names.hpp>
 #include <gsh/body/keypoints.hpp>
+#include <gsh/body/landmarks.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/io/capture/camera_file.hpp>
@@ -28,16 +29,20 @@
 
 namespace gsh {
 
-/// Reads keypoints.
+/// Reads keypoints, as landmarks (body/landmarks.hpp).
 ///
 /// *OpenPose* (--write_json): `path` is a folder with a file for each photograph, CAMERA/FRAME_keypoints.json,
 /// CAMERA_FRAME_keypoints.json, or, with a single camera, NAME_FRAME_keypoints.json. Each has `people`, a list of
-/// objects with pose_keypoints_2d (25 points of BODY_25: x, y, confidence) and optionally hand_left_keypoints_2d and
-/// hand_right_keypoints_2d (21 points).
+/// objects with pose_keypoints_2d (25 points of BODY_25: x, y, confidence) and optionally face_keypoints_2d (70
+/// points), hand_left_keypoints_2d and hand_right_keypoints_2d (21 points).
 ///
 /// *COCO-WholeBody*: `path` is a file with `images` (id, file_name) and `annotations` (image_id, keypoints of 17 points
-/// and optionally lefthand_kpts and righthand_kpts of 21 points). file_name is named as above, with an image's
-/// extension; folders above CAMERA are ignored.
+/// and optionally foot_kpts of 6, face_kpts of 68, lefthand_kpts and righthand_kpts of 21 points). file_name is named
+/// as above, with an image's extension; folders above CAMERA are ignored.
+///
+/// *MediaPipe*: the same file, but an annotation has mediapipe_pose (33 points: x, y, visibility) and optionally
+/// mediapipe_left_hand, mediapipe_right_hand (21 points: x, y, confidence), mediapipe_face (478 points) and
+/// mediapipe_world (33 points: x, y, z in metres, axes of the camera, origin between the hips).
 ///
 /// FRAME is the number at the end of the name, with any number of zeros, counted from 0. If `images`, the names of the
 /// photographs, are given and fit, they count instead: a file for each photograph, or a photograph for each file, of
@@ -161,7 +166,7 @@ inline void check_pixels(const std::string& path, Span<const NamedCamera> camera
         for (const PhotoKeypoints& photo : photos) {
             if (photo.camera != c) continue;
             for (const auto& person : photo.people)
-                for (const Keypoint& point : person) {
+                for (const Keypoint& point : person.points) {
                     const auto [x, y] = std::pair(point.pixel.x, point.pixel.y);
                     low = {std::min(low.x, x), std::min(low.y, y)};
                     high = {std::max(high.x, x), std::max(high.y, y)};
@@ -187,36 +192,67 @@ inline void check_pixels(const std::string& path, Span<const NamedCamera> camera
     }
 }
 
-/// Appends the joints among a list of points, three numbers each.
-inline void add_keypoints(const std::string& where, const Json& object, const char* field,
-                          Span<const std::string_view> joints, std::string_view side, bool needed,
-                          std::vector<Keypoint>& points) {
+/// The numbers of a field: `count` points of `width` each, in one list. Nothing if the field is absent and not needed.
+inline std::vector<double> point_numbers(const std::string& where, const Json& object, const char* field,
+                                         std::size_t count, std::size_t width, bool needed, const char* hint = "") {
     const auto found = object.find(field);
     if (found == object.end() || (found->is_array() && found->empty() && !needed)) {
-        if (!needed) return;
-        throw IoError(where + ": has no " + field + ", expected " + std::to_string(3 * joints.size()) + " numbers");
+        if (!needed) return {};
+        throw IoError(where + ": has no " + field + ", expected " + std::to_string(width * count) + " numbers");
     }
-    if (!found->is_array() || found->size() != 3 * joints.size())
+    if (!found->is_array() || found->size() != width * count)
         throw IoError(where + ": " + field + " has " +
                       (found->is_array() ? std::to_string(found->size()) + " elements" : "no list") + ", expected " +
-                      std::to_string(3 * joints.size()) + " numbers: x, y and confidence of " +
-                      std::to_string(joints.size()) + " points" +
-                      (std::string_view(field) == "pose_keypoints_2d" && found->is_array() && found->size() == 54
-                           ? "; these are the 18 of OpenPose's model COCO, choose --model_pose BODY_25"
-                           : ""));
-    for (std::size_t k = 0; k < joints.size(); ++k) {
-        double numbers[3];
-        for (std::size_t i = 0; i < 3; ++i) {
-            const Json& number = (*found)[3 * k + i];
-            if (!number.is_number() || !std::isfinite(numbers[i] = number.get<double>()))
-                throw IoError(where + ": " + field + " has at place " + std::to_string(3 * k + i) + " " +
-                              shortened(number.dump()) + ", expected a finite number");
-        }
-        if (numbers[2] < 0) throw IoError(where + ": " + field + " has a negative confidence, expected 0 to 1");
-        if (joints[k].empty() || numbers[2] == 0) continue;
-        points.push_back(
-            {smplx_joint(std::string(side).append(joints[k])), {numbers[0], numbers[1]}, std::min(numbers[2], 1.0)});
+                      std::to_string(width * count) + " numbers: " + std::to_string(width) + " of each of " +
+                      std::to_string(count) + " points" + hint);
+    std::vector<double> numbers;
+    for (std::size_t i = 0; i < found->size(); ++i) {
+        const Json& number = (*found)[i];
+        numbers.push_back(number.is_number() ? number.get<double>() : std::nan(""));
+        if (!std::isfinite(numbers.back()))
+            throw IoError(where + ": " + field + " has at place " + std::to_string(i) + " " + shortened(number.dump()) +
+                          ", expected a finite number");
     }
+    return numbers;
+}
+
+/// Appends the landmarks among a list of points: x, y and confidence each.
+inline void add_keypoints(const std::string& where, const Json& object, const char* field, Span<const int> landmarks,
+                          bool mirrored, bool needed, std::vector<Keypoint>& points) {
+    const std::string_view name = field;
+    const std::vector<double> numbers =
+        point_numbers(where, object, field, landmarks.size(), 3, needed,
+                      name == "pose_keypoints_2d" && object.contains(field) && object[field].size() == 54
+                          ? "; these are the 18 of OpenPose's model COCO, choose --model_pose BODY_25"
+                          : "");
+    for (std::size_t k = 0; 3 * k < numbers.size(); ++k) {
+        const double confidence = numbers[3 * k + 2];
+        if (confidence < 0) throw IoError(where + ": " + field + " has a negative confidence, expected 0 to 1");
+        if (landmarks[k] < 0 || confidence == 0) continue;
+        const int landmark = mirrored ? mirrored_landmark(landmarks[k]) : landmarks[k];
+        points.push_back({landmark, {numbers[3 * k], numbers[3 * k + 1]}, std::min(confidence, 1.0)});
+    }
+}
+
+/// Appends the landmarks among the points of a face, if the field is there.
+inline void add_face(const std::string& where, const Json& object, const char* field, std::size_t count,
+                     Span<const FacePoint> landmarks, std::vector<Keypoint>& points) {
+    std::vector<int> numbers(count, -1);
+    for (const auto& [point, landmark] : landmarks) numbers[point] = landmark;
+    add_keypoints(where, object, field, numbers, false, false, points);
+}
+
+/// The people of MediaPipe: its 33 points of the pose, and what else there is of hands, face and metres.
+inline Detection mediapipe_detection(const std::string& where, const Json& person) {
+    Detection result;
+    add_keypoints(where, person, "mediapipe_pose", mediapipe_pose_landmarks, false, true, result.points);
+    add_keypoints(where, person, "mediapipe_left_hand", left_hand_landmarks, false, false, result.points);
+    add_keypoints(where, person, "mediapipe_right_hand", left_hand_landmarks, true, false, result.points);
+    add_face(where, person, "mediapipe_face", 478, mediapipe_face_landmarks, result.points);
+    const std::vector<double> world = point_numbers(where, person, "mediapipe_world", 33, 3, false);
+    for (std::size_t k = 0; 3 * k < world.size(); ++k)
+        result.metric.push_back({mediapipe_pose_landmarks[k], {world[3 * k], world[3 * k + 1], world[3 * k + 2]}});
+    return result;
 }
 
 inline const Json& list_of(const std::string& where, const Json& json, const char* field) {
@@ -259,12 +295,14 @@ inline std::vector<PhotoKeypoints> load_keypoints(const std::filesystem::path& p
                               " and frame " + std::to_string(frame) + ", which another file has, expected each once");
             const Json json = detail::read_json(file);
             for (const Json& person : detail::list_of(file.string(), json, "people")) {
-                auto& points = place->second.people.emplace_back();
-                detail::add_keypoints(file.string(), person, "pose_keypoints_2d", openpose_joints, "", true, points);
-                detail::add_keypoints(file.string(), person, "hand_left_keypoints_2d", hand_joints, "left_", false,
+                auto& points = place->second.people.emplace_back().points;
+                detail::add_keypoints(file.string(), person, "pose_keypoints_2d", openpose_landmarks, false, true,
                                       points);
-                detail::add_keypoints(file.string(), person, "hand_right_keypoints_2d", hand_joints, "right_", false,
-                                      points);
+                detail::add_face(file.string(), person, "face_keypoints_2d", 70, face68_landmarks, points);
+                detail::add_keypoints(file.string(), person, "hand_left_keypoints_2d", left_hand_landmarks, false,
+                                      false, points);
+                detail::add_keypoints(file.string(), person, "hand_right_keypoints_2d", left_hand_landmarks, true,
+                                      false, points);
             }
         }
     } else {
@@ -298,10 +336,17 @@ inline std::vector<PhotoKeypoints> load_keypoints(const std::filesystem::path& p
             if (of == image_of.end())
                 throw IoError(where + ": an annotation has image_id " + id + ", which is no id of images");
             if (!of->second) continue;
-            auto& points = photos.at(*of->second).people.emplace_back();
-            detail::add_keypoints(where, person, "keypoints", coco_joints, "", true, points);
-            detail::add_keypoints(where, person, "lefthand_kpts", hand_joints, "left_", false, points);
-            detail::add_keypoints(where, person, "righthand_kpts", hand_joints, "right_", false, points);
+            auto& people = photos.at(*of->second).people;
+            if (person.contains("mediapipe_pose")) {
+                people.push_back(detail::mediapipe_detection(where, person));
+                continue;
+            }
+            auto& points = people.emplace_back().points;
+            detail::add_keypoints(where, person, "keypoints", coco_landmarks, false, true, points);
+            detail::add_keypoints(where, person, "foot_kpts", coco_foot_landmarks, false, false, points);
+            detail::add_face(where, person, "face_kpts", 68, face68_landmarks, points);
+            detail::add_keypoints(where, person, "lefthand_kpts", left_hand_landmarks, false, false, points);
+            detail::add_keypoints(where, person, "righthand_kpts", left_hand_landmarks, true, false, points);
         }
     }
     std::vector<PhotoKeypoints> result;

@@ -1,0 +1,203 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  One window of frames whose motion is fitted, stage by stage.
+#pragma once
+
+#include <gsh/body/body_model.hpp>
+#include <gsh/body/landmarks.hpp>
+#include <gsh/camera/pinhole.hpp>
+#include <gsh/fit/body_height.hpp>
+#include <gsh/fit/frame_kinematics.hpp>
+#include <gsh/fit/motion_descent.hpp>
+#include <gsh/fit/motion_fit.hpp>
+#include <gsh/fit/motion_problem.hpp>
+#include <gsh/fit/motion_start.hpp>
+#include <gsh/fit/motion_state.hpp>
+#include <gsh/fit/outlines.hpp>
+#include <gsh/fit/side_swaps.hpp>
+#include <gsh/fit/time_offsets.hpp>
+#include <gsh/fit/turn.hpp>
+#include <gsh/fit/view_keypoints.hpp>
+#include <gsh/math/vec.hpp>
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <functional>
+#include <limits>
+#include <utility>
+#include <vector>
+
+namespace gsh::detail {
+
+/// Distances of a view's landmarks of trunk, limbs and head from their keypoints, metres; and the energy of all if the
+/// sides are swapped, relative to that if they are not.
+struct ViewMisfit {
+    std::vector<double> metres, pixels;
+    double straight = 0, swapped = 0; ///< sums of distances, each at most 0.3 m
+};
+inline ViewMisfit misfit_of(const FittedBody& body, const FrameKinematics& kinematics, const ViewKeypoints& view,
+                            double focal) {
+    constexpr int first_hand = landmark_number("left_hand_wrist");
+    ViewMisfit result;
+    const auto distance = [&](int landmark, const Keypoint& point) {
+        const vec3<double> x = to_camera(view.camera, kinematics.landmark(landmark));
+        const double z = std::max(x.z, 0.1);
+        const double dx = focal * x.x / z * view.camera.fx + view.camera.cx - point.pixel.x;
+        const double dy = focal * x.y / z * view.camera.fy + view.camera.cy - point.pixel.y;
+        return std::pair(std::hypot(dx, dy), std::hypot(dx / view.camera.fx, dy / view.camera.fy) * z / focal);
+    };
+    for (const Keypoint& point : view.points) {
+        if (point.landmark >= first_hand || body.marks[static_cast<std::size_t>(point.landmark)].joint < 0) continue;
+        if (point.confidence < 0.5) continue;
+        const auto [pixels, metres] = distance(point.landmark, point);
+        result.pixels.push_back(pixels), result.metres.push_back(metres);
+        constexpr double most = 0.3;
+        result.straight += std::min(most, metres);
+        result.swapped += std::min(most, distance(mirrored_landmark(point.landmark), point).second);
+    }
+    return result;
+}
+
+inline double median_of(std::vector<double> values) {
+    if (values.empty()) return std::numeric_limits<double>::quiet_NaN();
+    const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+    std::nth_element(values.begin(), middle, values.end());
+    return *middle;
+}
+
+/// One fit in progress.
+class MotionFitter {
+public:
+    MotionFitter(const BodyModel& model, const FittedBody& body, std::vector<std::vector<ViewKeypoints>> views,
+                 std::vector<double> times, std::size_t camera_count, const MotionFitParams& params)
+        : model_(&model), body_(&body), params_(&params), views_(std::move(views)), times_(std::move(times)),
+          camera_count_(camera_count), problem_(body, views_, times_), state_(motion_start(body, views_)) {
+        const BodyHeight height(model, body.shape_count);
+        problem_.set_height(height.mean, height.directions);
+        terms_.height = params.height;
+        if (params.learn_focal) terms_.focal_spread = 0.15;
+    }
+
+    /// Continues a longer motion: with its shape and focal length.
+    void hold_shared(const MotionState& from) {
+        state_.betas = from.betas, state_.log_focal = from.log_focal;
+        terms_.hold_shared = true;
+    }
+
+    void run(MotionFit& fit, std::size_t first_frame, bool find_offsets, const std::function<void(double)>& done) {
+        terms_.metric = 2, terms_.prior = 1, terms_.fingers = false;
+        descend(problem_, state_, terms_, 12, 1e-2);
+        if (swap_back(fit, first_frame)) descend(problem_, state_, terms_, 8, 1e-2);
+        done(0.2);
+        terms_.metric = 0.3, terms_.prior = 0.3;
+        if (find_offsets && camera_count_ > 1) {
+            descend(problem_, state_, terms_, 8, 1e-3);
+            find_time_offsets(fit);
+        }
+        done(0.3);
+        fit.turn = turn_of(*body_, state_);
+        fit.held = params_->turn.value_or(one_camera() && fit.turn);
+        if (fit.held) terms_.statue = 30, terms_.metric = 0.05;
+        descend(problem_, state_, terms_, 25, 1e-3);
+        if (swap_back(fit, first_frame)) descend(problem_, state_, terms_, 8, 1e-3);
+        done(0.5);
+        const bool masks = std::any_of(views_.begin(), views_.end(), [](const auto& frame) {
+            return std::any_of(frame.begin(), frame.end(), [](const ViewKeypoints& view) { return bool(view.mask); });
+        });
+        if (masks) {
+            const OutlineSamples samples(*model_, *body_);
+            constexpr int rounds = 3;
+            terms_.outline = 80;
+            for (int round = 0; round < rounds; ++round) {
+                find_outlines(fit, samples, round == 0 ? 0.06 : 0.04);
+                terms_.fingers = round + 1 == rounds;
+                descend(problem_, state_, terms_, terms_.fingers ? 10 : 4, terms_.fingers ? 3e-4 : 1e-3);
+                done(0.6 + 0.4 * round / rounds);
+            }
+            problem_.set_outlines(samples, {}, {}); // they end with this function
+        } else {
+            terms_.fingers = true;
+            descend(problem_, state_, terms_, 12, 3e-4);
+        }
+        done(1);
+    }
+
+    [[nodiscard]] const MotionState& state() const { return state_; }
+    [[nodiscard]] const std::vector<std::vector<ViewKeypoints>>& views() const { return views_; }
+
+private:
+    const BodyModel* model_;
+    const FittedBody* body_;
+    const MotionFitParams* params_;
+    std::vector<std::vector<ViewKeypoints>> views_;
+    std::vector<double> times_;
+    std::size_t camera_count_;
+    MotionProblem problem_; // sees views_
+    MotionState state_;
+    MotionTerms terms_;
+
+    [[nodiscard]] bool one_camera() const {
+        return std::all_of(views_.begin(), views_.end(), [](const auto& frame) { return frame.size() <= 1; });
+    }
+
+    /// Swaps sides that the motion contradicts: clearly nearer after a swap, and far before it.
+    bool swap_back(MotionFit& fit, std::size_t first_frame) {
+        bool any = false;
+        for (std::size_t t = 0; t < views_.size(); ++t) {
+            const FrameKinematics kinematics(*body_, state_.frames[t], state_.betas);
+            for (ViewKeypoints& view : views_[t]) {
+                const ViewMisfit misfit = misfit_of(*body_, kinematics, view, std::exp(state_.log_focal));
+                if (misfit.metres.size() < 6 || misfit.swapped > 0.6 * misfit.straight ||
+                    misfit.straight < 0.05 * static_cast<double>(misfit.metres.size()))
+                    continue;
+                swap_sides(view);
+                any = true;
+                const std::pair place(view.camera_number, t + first_frame);
+                const auto found = std::find(fit.swapped.begin(), fit.swapped.end(), place);
+                if (found == fit.swapped.end())
+                    fit.swapped.push_back(place);
+                else
+                    fit.swapped.erase(found); // back again
+            }
+        }
+        return any;
+    }
+
+    /// Moves the keypoints of cameras whose clocks differ to the common times.
+    void find_time_offsets(MotionFit& fit) {
+        const auto taken = views_;
+        const double frame =
+            times_.size() > 1 ? (times_.back() - times_.front()) / static_cast<double>(times_.size() - 1) : 1;
+        std::vector<double> offsets(camera_count_, 0.0);
+        for (int pass = 0; pass < 4; ++pass) {
+            const auto found = time_offsets(*body_, state_, views_, times_, camera_count_);
+            double most = 0;
+            for (std::size_t c = 0; c < camera_count_; ++c) {
+                double next = std::clamp(offsets[c] + found[c].seconds, -2 * frame, 2 * frame);
+                if (std::abs(next) < std::max(0.1 * frame, 4 * found[c].error)) next = 0;
+                most = std::max(most, std::abs(next - offsets[c]));
+                offsets[c] = next;
+            }
+            if (most < 0.02 * frame) break;
+            views_ = at_common_times(taken, times_, offsets);
+            descend(problem_, state_, terms_, 8, 1e-3);
+        }
+        fit.time_offsets = offsets;
+    }
+
+    void find_outlines(MotionFit& fit, const OutlineSamples& samples, double reach) {
+        std::vector<std::vector<std::vector<OutlinePoint>>> points(views_.size());
+        fit.outlines = 0;
+        for (std::size_t t = 0; t < views_.size(); ++t)
+            for (const ViewKeypoints& view : views_[t]) {
+                auto& found = points[t].emplace_back();
+                if (!view.mask) continue;
+                found = samples.find(*body_, state_.frames[t], state_.betas, view.camera, std::exp(state_.log_focal),
+                                     view.mask, reach);
+                fit.outlines += !found.empty();
+            }
+        problem_.set_outlines(samples, std::move(points), state_.betas);
+    }
+};
+
+} // namespace gsh::detail
