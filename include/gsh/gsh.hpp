@@ -58,6 +58,7 @@
 #include <gsh/body/joint_merge.hpp>
 #include <gsh/body/joint_name_table.hpp>
 #include <gsh/body/joint_names.hpp>
+#include <gsh/body/joint_regressor.hpp>
 #include <gsh/body/keypoints.hpp>
 #include <gsh/body/mesh.hpp>
 #include <gsh/body/motion.hpp>
@@ -75,6 +76,7 @@
 #include <gsh/body/rig_motion.hpp>
 #include <gsh/body/rig_pose.hpp>
 #include <gsh/body/rig_up.hpp>
+#include <gsh/body/shape_directions.hpp>
 #include <gsh/body/short_spine.hpp>
 #include <gsh/body/skeleton.hpp>
 #include <gsh/body/skinning.hpp>
