@@ -79,9 +79,8 @@ inline void MakeHumanFiles::find_root_in_folder(const std::filesystem::path& pat
         if (!root_.ends_with('/')) root_ += '/';
         if (has(mesh_name)) return;
     }
-    const std::string hint = std::filesystem::exists(path / "makehuman/data") || std::filesystem::exists(path / "core")
-                                 ? "; MakeHuman's own rigs have another format"
-                                 : "";
+    const std::string hint =
+        std::filesystem::exists(path / "makehuman/data") ? "; MakeHuman's own rigs have another format" : "";
     throw IoError(path.string() + ": holds no " + mesh_name + hint + "; " + std::string(detail::makehuman_way_out));
 }
 
