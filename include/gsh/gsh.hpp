@@ -59,6 +59,7 @@
 #include <gsh/body/joint_merge.hpp>
 #include <gsh/body/joint_name_table.hpp>
 #include <gsh/body/joint_names.hpp>
+#include <gsh/body/joint_regressor.hpp>
 #include <gsh/body/keypoints.hpp>
 #include <gsh/body/landmark_table.hpp>
 #include <gsh/body/landmarks.hpp>
@@ -80,6 +81,7 @@
 #include <gsh/body/rig_motion.hpp>
 #include <gsh/body/rig_pose.hpp>
 #include <gsh/body/rig_up.hpp>
+#include <gsh/body/shape_directions.hpp>
 #include <gsh/body/short_spine.hpp>
 #include <gsh/body/skeleton.hpp>
 #include <gsh/body/skinning.hpp>

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  The points of a person that detectors find: where they lie on a body, and in which order each detector lists
-///        them.
+/// @file  The points of a person that detectors find: their places on a body, and their order in each detector.
 #pragma once
 
 #include <gsh/body/body_model.hpp>

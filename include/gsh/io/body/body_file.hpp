@@ -182,11 +182,16 @@ inline void add_body_model(NpzWriter& file, const BodyModel& model, const std::s
     validate(model, "add_body_model");
     const std::size_t V = model.vertex_count(), J = model.joint_count();
     const auto S = static_cast<std::size_t>(model.shape_count), E = static_cast<std::size_t>(model.expression_count);
+    const auto add_numbers = [&](const char* key, Span<const double> numbers, const Shape& shape) {
+        if (storage == ArrayStorage::single)
+            file.add(prefix + key, std::vector<float>(numbers.begin(), numbers.end()), shape);
+        else file.add<double>(prefix + key, numbers, shape);
+    };
     const auto add_vectors = [&](const char* key, const std::vector<vec3<double>>& rows, const Shape& shape) {
-        file.add<double>(prefix + key, {rows.empty() ? nullptr : &rows[0].x, 3 * rows.size()}, shape);
+        add_numbers(key, {rows.empty() ? nullptr : &rows[0].x, 3 * rows.size()}, shape);
     };
     const auto add_large = [&](const char* key, const std::vector<double>& numbers, const Shape& shape) {
-        if (storage == ArrayStorage::dense) file.add(prefix + key, numbers, shape);
+        if (storage == ArrayStorage::dense || storage == ArrayStorage::single) add_numbers(key, numbers, shape);
         else add_sparse(file, prefix + key, numbers, shape);
     };
     const auto add_triangles = [&](const char* key, const std::vector<std::array<int, 3>>& triangles) {
@@ -231,8 +236,7 @@ inline void add_body_model(NpzWriter& file, const BodyModel& model, const std::s
     file.add(prefix + "kintree_table", table, {2, J});
 
     if (!model.ft.empty()) {
-        file.add<double>(prefix + "vt", {model.vt.empty() ? nullptr : &model.vt[0].x, 2 * model.vt.size()},
-                         {model.vt.size(), 2});
+        add_numbers("vt", {model.vt.empty() ? nullptr : &model.vt[0].x, 2 * model.vt.size()}, {model.vt.size(), 2});
         add_triangles("ft", model.ft);
     }
     if (!model.joint_names.empty()) file.add_texts(prefix + "joint_names", model.joint_names);

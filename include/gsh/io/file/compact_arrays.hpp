@@ -23,6 +23,7 @@ namespace gsh {
 /// How an array of a model is stored.
 enum class ArrayStorage {
     dense,   ///< every number, in the layout of SMPL's programs
+    single,  ///< the same in single precision
     sparse,  ///< without zeros where most numbers are zero; bit for bit what it was
     compact, ///< quantised; smaller, and a little different
 };

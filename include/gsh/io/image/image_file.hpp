@@ -61,6 +61,9 @@ struct StoredImage {
 ///         other formats are named.
 [[nodiscard]] inline StoredImage read_stored_image(const std::filesystem::path& path);
 
+/// The same for the bytes of a PNG or JPEG file; `name` begins messages.
+[[nodiscard]] inline StoredImage decode_image(std::string bytes, const std::string& name);
+
 /// The picture as viewers show it: turned or mirrored as an orientation of Exif (1 to 8) states.
 [[nodiscard]] inline PixelImage upright(PixelImage image, int orientation);
 
@@ -96,9 +99,14 @@ void write_png(const std::filesystem::path& path, const Image<T>& image) {
 inline StoredImage read_stored_image(const std::filesystem::path& path) {
     const std::string name = path.string();
     std::string bytes = read_file(path);
-    const bool png = bytes.starts_with(detail::png_signature), jpeg = bytes.starts_with(detail::jpeg_signature);
-    if (!png && !jpeg)
+    if (!bytes.starts_with(detail::png_signature) && !bytes.starts_with(detail::jpeg_signature))
         throw IoError(name + ": " + not_the_kind(path, "a PNG or JPEG image", "", "is not a PNG or JPEG image"));
+    return decode_image(std::move(bytes), name);
+}
+
+inline StoredImage decode_image(std::string bytes, const std::string& name) {
+    const bool png = bytes.starts_with(detail::png_signature), jpeg = bytes.starts_with(detail::jpeg_signature);
+    if (!png && !jpeg) throw IoError(name + ": is not a PNG or JPEG image");
     const int orientation = detail::exif_orientation(bytes);
     if (png)
         bytes = detail::unpacked_png(bytes, name); // without Exif data
