@@ -37,7 +37,7 @@ int main(int argc, char** argv) {
     app.add_option("--to", to, "also write the motion alone: OUT.bvh, OUT.glb or OUT.npz, any number of times");
     return run_program(app, argc, argv, [&] {
         for (const std::string& sentence : fit_capture(options, to)) std::printf("note: %s\n", sentence.c_str());
-        std::printf("next: gsh-check --capture %s --body %s\n", shell_word(options.detections.string()).c_str(),
+        std::printf("next: gsh-check %s --body %s\n", shell_word(options.detections.string()).c_str(),
                     shell_word(options.body.string()).c_str());
         return exit_done;
     });

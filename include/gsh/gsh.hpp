@@ -178,6 +178,7 @@
 #include <gsh/fit/fit_motion.hpp>
 #include <gsh/fit/frame_kinematics.hpp>
 #include <gsh/fit/joint_pulls.hpp>
+#include <gsh/fit/jumping_points.hpp>
 #include <gsh/fit/landmark_places.hpp>
 #include <gsh/fit/mask_view.hpp>
 #include <gsh/fit/motion_descent.hpp>

@@ -57,6 +57,7 @@ TEST_CASE("several cameras: the motion is found within millimetres, and is the s
     CHECK(fit.swapped.empty());
     CHECK(!fit.held);
     CHECK(fit.focal == 1);
+    CHECK(fit.shifts == std::vector<vec2<double>>(3, vec2<double>(0)));
     for (const KeypointFit& camera : fit.camera_fit) CHECK((camera.metres < 0.01 && camera.count > 100));
     // The order of the photographs does not matter, nor what ran before.
     auto reversed = photos;
@@ -130,6 +131,21 @@ TEST_CASE("the offset of a camera's clock is found") {
     CHECK(fit.time_offsets[1] - fit.time_offsets[0] == doctest::Approx(0.1).epsilon(0.2));
     CHECK(std::abs(fit.time_offsets[2] - fit.time_offsets[0]) < 0.02);
     CHECK(error_mm(fit.motion, truth) < 20);
+}
+
+TEST_CASE("a camera that points beside its calibration is found, and is no late clock") {
+    Motion truth = actor_motion(ActorMotion::stride, 20);
+    for (std::size_t t = 0; t < 20; ++t) truth.transl[t] += vec3<double>(0.03 * static_cast<double>(t) - 0.3, 0, 0);
+    const auto cameras = test::cameras_around(4);
+    auto photos = test::seen(test::fitted_actor(), truth, cameras, 0.004);
+    for (PersonPhoto& photo : photos)
+        if (photo.camera == 2)
+            for (Keypoint& point : photo.person.points) point.pixel += vec2<double>(6, -5);
+    const MotionFit fit = fit_motion(test::fitted_actor(), cameras, photos, truth.timestamps, {.betas = 4});
+    CHECK(fit.time_offsets == std::vector<double>(4, 0.0));
+    CHECK(fit.shifts[2].x - fit.shifts[0].x == doctest::Approx(6).epsilon(0.25));
+    CHECK(fit.shifts[2].y - fit.shifts[0].y == doctest::Approx(-5).epsilon(0.25));
+    CHECK(error_mm(fit.motion, truth) < 10);
 }
 
 TEST_CASE("masks show the shape that keypoints do not see") {

@@ -73,21 +73,28 @@ std::vector<PersonPhoto> photos_of(const Detections& detections, const LoadedMas
 }
 
 /// With one digit after the point; null for NaN.
-Json rounded(double value) { return number_or_null(std::round(10 * value) / 10); }
+Json rounded(double value) {
+    return number_or_null(std::round(10 * value) / 10);
+}
 
 Json report_of(const Detections& detections, const MotionFit& fit, double height,
                const std::vector<std::size_t>& unseen) {
     Json cameras = Json::array();
     for (std::size_t c = 0; c < detections.cameras.size(); ++c) {
-        std::vector<std::size_t> swapped;
-        for (const auto& [camera, frame] : fit.swapped)
-            if (camera == c) swapped.push_back(frame);
+        const auto frames_of = [&](const auto& places) {
+            std::vector<std::size_t> frames;
+            for (const auto& [camera, frame] : places)
+                if (camera == c) frames.push_back(frame);
+            return frames;
+        };
         cameras.push_back({{"name", detections.cameras[c].name},
                            {"keypoints", fit.camera_fit[c].count},
                            {"median_px", rounded(fit.camera_fit[c].pixels)},
                            {"median_mm", rounded(1e3 * fit.camera_fit[c].metres)},
                            {"late_seconds", fit.time_offsets[c]},
-                           {"swapped_sides_in_frames", swapped}});
+                           {"shift_px", {rounded(fit.shifts[c].x), rounded(fit.shifts[c].y)}},
+                           {"swapped_sides_in_frames", frames_of(fit.swapped)},
+                           {"detections_left_out_in_frames", frames_of(fit.left_out)}});
     }
     Json frames = Json::array();
     for (const double metres : fit.frame_fit) frames.push_back(rounded(1e3 * metres));
@@ -115,6 +122,9 @@ std::vector<std::string> advice_of(const Detections& detections, const MotionFit
         else if (of.metres > far)
             advice.push_back("in " + name + " the body lies " + fixed(1e3 * of.metres, 0) +
                              " mm beside the keypoints: calibration or keypoints are wrong");
+        if (fit.shifts[c] != vec2<double>(0))
+            advice.push_back(name + " points beside its calibration: its principal point was moved by (" +
+                             fixed(fit.shifts[c].x, 1) + ", " + fixed(fit.shifts[c].y, 1) + ") pixels");
         if (fit.time_offsets[c] != 0)
             advice.push_back(name + " took its images " + fixed(1e3 * std::abs(fit.time_offsets[c]), 0) + " ms " +
                              (fit.time_offsets[c] > 0 ? "later" : "earlier") +
@@ -124,6 +134,14 @@ std::vector<std::string> advice_of(const Detections& detections, const MotionFit
     if (!unseen.empty())
         advice.push_back("nobody was found in frames " + frames_text(unseen) +
                          "; their poses lie between those of the frames beside them");
+    if (!fit.left_out.empty()) {
+        std::vector<std::size_t> frames;
+        for (const auto& place : fit.left_out) frames.push_back(place.second);
+        std::sort(frames.begin(), frames.end());
+        frames.erase(std::unique(frames.begin(), frames.end()), frames.end());
+        advice.push_back("the detector was wrong about the whole person in frames " + frames_text(frames) +
+                         ", and is not believed there");
+    }
     if (!fit.swapped.empty())
         advice.push_back("left and right were swapped in " + std::to_string(fit.swapped.size()) +
                          " photographs, and are swapped back");
@@ -171,7 +189,11 @@ std::vector<std::string> fit_capture(const FitOptions& options, const std::vecto
 
     CameraList list;
     list.cameras = detections.cameras;
-    for (NamedCamera& camera : list.cameras) camera.camera.fx *= fit.focal, camera.camera.fy *= fit.focal;
+    for (std::size_t c = 0; c < C; ++c) {
+        Camera<double>& camera = list.cameras[c].camera;
+        camera.fx *= fit.focal, camera.fy *= fit.focal;
+        camera.cx += fit.shifts[c].x, camera.cy += fit.shifts[c].y;
+    }
     if (!detections.calibrated) { // the world is the camera's: make it one to stand in
         const Affine<double> standing = standing_world(body, {fit.motion});
         for (std::size_t t = 0; t < T; ++t) move_frame(body, fit.motion, t, standing);

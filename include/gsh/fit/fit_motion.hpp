@@ -8,6 +8,7 @@
 #include <gsh/camera/pinhole.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/fit/frame_kinematics.hpp>
+#include <gsh/fit/jumping_points.hpp>
 #include <gsh/fit/motion_fit.hpp>
 #include <gsh/fit/motion_fitter.hpp>
 #include <gsh/fit/motion_state.hpp>
@@ -30,10 +31,11 @@ namespace gsh {
 
 /// Fits one person's motion.
 ///
-/// Stages: (1) sides that other views, or the views before and
-/// after, contradict are swapped back; (2) each frame starts in a usual pose, turned and
+/// Stages: (1) sides that other views, or the views before and after, contradict are swapped back, and points that jump
+/// are left out; (2) each frame starts in a usual pose, turned and
 /// placed by its trunk (motion_start); (3) all frames of a window descend at once, first with strong priors and without
-/// fingers; sides that the motion contradicts are swapped back, and offsets of the cameras' clocks are found; (4) the
+/// fingers; sides that the motion contradicts are swapped back, and offsets of the cameras' clocks and shifts of their
+/// principal points are found; (4) the
 /// same with weak priors, and, if the person turns in place, with one pose and one axis for all frames; (5) with masks,
 /// the outlines of the body are drawn to those of the masks, three times anew, which finds the shape.
 ///
@@ -139,17 +141,24 @@ inline MotionFit fit_motion(const BodyModel& body, const std::vector<Camera<doub
             if (swapped[v]) fit.swapped.emplace_back(views[t][v].camera_number, t);
     }
     for (std::size_t c = 0; c < cameras.size(); ++c) {
-        std::vector<ViewKeypoints*> alone; // views of moments that no other camera shows
-        std::vector<std::size_t> frames;
+        std::vector<ViewKeypoints*> of_camera, alone; // alone: of moments that no other camera shows
+        std::vector<std::size_t> frames, frames_alone;
         for (std::size_t t = 0; t < views.size(); ++t)
-            if (views[t].size() == 1 && views[t][0].camera_number == c)
-                alone.push_back(&views[t][0]), frames.push_back(t);
+            for (ViewKeypoints& view : views[t]) {
+                if (view.camera_number != c) continue;
+                of_camera.push_back(&view), frames.push_back(t);
+                if (views[t].size() == 1) alone.push_back(&view), frames_alone.push_back(t);
+            }
         const std::vector<bool> swapped = swap_jumping_sides(alone);
         for (std::size_t v = 0; v < swapped.size(); ++v)
-            if (swapped[v]) fit.swapped.emplace_back(c, frames[v]);
+            if (swapped[v]) fit.swapped.emplace_back(c, frames_alone[v]);
+        const std::vector<bool> dropped = drop_jumping_points(of_camera);
+        for (std::size_t v = 0; v < dropped.size(); ++v)
+            if (dropped[v]) fit.left_out.emplace_back(c, frames[v]);
     }
     const FittedBody fitted(body, params.betas, params.landmarks);
     fit.time_offsets.assign(cameras.size(), 0.0);
+    fit.shifts.assign(cameras.size(), vec2<double>(0));
 
     // Windows of frames; the later ones begin a little before the end of those before, and keep shape and focal length.
     const std::size_t T = times.size(), overlap = 20;
@@ -168,6 +177,11 @@ inline MotionFit fit_motion(const BodyModel& body, const std::vector<Camera<doub
         auto shown = part(views);
         if (!first && std::any_of(fit.time_offsets.begin(), fit.time_offsets.end(), [](double s) { return s != 0; }))
             shown = at_common_times(shown, part(times), fit.time_offsets);
+        if (!first)
+            for (auto& frame : shown)
+                for (ViewKeypoints& view : frame)
+                    view.camera.cx += fit.shifts[view.camera_number].x,
+                        view.camera.cy += fit.shifts[view.camera_number].y;
         detail::MotionFitter fitter(body, fitted, std::move(shown), part(times), cameras.size(), params);
         if (!first) fitter.hold_shared(state);
         fitter.run(fit, begin, first, [&](double share) {

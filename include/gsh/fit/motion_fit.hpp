@@ -7,6 +7,7 @@
 #include <gsh/body/motion.hpp>
 #include <gsh/fit/mask_view.hpp>
 #include <gsh/fit/turn.hpp>
+#include <gsh/math/vec.hpp>
 
 #include <cstddef>
 #include <functional>
@@ -45,10 +46,13 @@ struct MotionFit {
     Turn turn;                           ///< how far the person turns
     bool held = false;                   ///< whether the pose was held alike, as that of a person who turns in place
     std::vector<double> time_offsets;    // [cameras] seconds by which photographs are later than their time stamps
+    std::vector<vec2<double>> shifts;    // [cameras] pixels by which principal points had to move, mostly none
     std::vector<KeypointFit> camera_fit; // [cameras]
     std::vector<double> frame_fit;       // [T] metres, median; NaN without keypoints
     std::vector<std::pair<std::size_t, std::size_t>> swapped; ///< camera and frame of swapped sides, in order
-    std::size_t outlines = 0;                                 ///< photographs whose mask was used
+    std::vector<std::pair<std::size_t, std::size_t>>
+        left_out;             ///< camera and frame of detections that were wrong about the whole person
+    std::size_t outlines = 0; ///< photographs whose mask was used
 };
 
 } // namespace gsh

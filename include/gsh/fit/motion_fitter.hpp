@@ -93,6 +93,7 @@ public:
         if (find_offsets && camera_count_ > 1) {
             descend(problem_, state_, terms_, 8, 1e-3);
             find_time_offsets(fit);
+            find_shifts(fit);
         }
         done(0.3);
         fit.turn = turn_of(*body_, state_);
@@ -183,6 +184,34 @@ private:
             descend(problem_, state_, terms_, 8, 1e-3);
         }
         fit.time_offsets = offsets;
+    }
+
+    /// Moves the principal points of cameras that point beside their calibration: of three or more cameras, those whose
+    /// keypoints lie beside the body by more than 0.4% of the image, which is more than detectors err on average.
+    void find_shifts(MotionFit& fit) {
+        if (camera_count_ < 3) return;
+        for (int pass = 0; pass < 4; ++pass) {
+            const auto found = time_offsets(*body_, state_, views_, times_, camera_count_);
+            bool any = false;
+            for (std::size_t c = 0; c < camera_count_; ++c) {
+                const vec2<double> next = fit.shifts[c] + found[c].shift;
+                std::vector<ViewKeypoints*> of_camera;
+                for (auto& frame : views_)
+                    for (ViewKeypoints& view : frame)
+                        if (view.camera_number == c) of_camera.push_back(&view);
+                if (of_camera.empty()) continue;
+                const double longer = std::max(of_camera[0]->camera.width, of_camera[0]->camera.height);
+                constexpr double least = 0.004, most = 0.03; // of the longer side
+                const double size = std::hypot(next.x, next.y);
+                if (size < least * longer || size > most * longer) continue;
+                for (ViewKeypoints* view : of_camera)
+                    view->camera.cx += found[c].shift.x, view->camera.cy += found[c].shift.y;
+                fit.shifts[c] = next;
+                any = true;
+            }
+            if (!any) return;
+            descend(problem_, state_, terms_, 6, 1e-3);
+        }
     }
 
     void find_outlines(MotionFit& fit, const OutlineSamples& samples, double reach) {

@@ -17,15 +17,18 @@
 
 namespace gsh {
 
-/// How much later than its time stamp a camera took its photographs.
+/// How a camera's photographs lie against those of the others.
 struct TimeOffset {
-    double seconds = 0;
-    double error = 1e9; ///< standard error, seconds; large if nothing moves
+    double seconds = 0;    ///< by which they were taken later than their time stamps
+    double error = 1e9;    ///< standard error, seconds; large if nothing moves
+    vec2<double> shift{0}; ///< by which keypoints lie beside their landmarks on average, pixels
 };
 
-/// The offset of each camera from that of the others, which explains best how far its keypoints lie before or behind
-/// moving landmarks: τ = -Σ r · v / Σ |v|², with r the distance of the landmark from the keypoint in the image and v
-/// its velocity there, both in metres at the body's depth. Distances of more than 6 cm do not count.
+/// The offset of each camera from the others, which explains best how far its keypoints lie before or behind moving
+/// landmarks: τ = -Σ (r - r̄) · (v - v̄) / Σ |v - v̄|², with r the distance of the landmark from the keypoint in the
+/// image and v its velocity there, both in metres at the body's depth, and r̄ and v̄ their means. The mean distance does
+/// not count, because a camera that points beside its calibration shifts a person who walks straight as a clock would.
+/// Distances of more than 6 cm do not count, either.
 ///
 /// Shapes  views [T]; times [T]; the result has `camera_count` elements, whose weighted mean is zero.
 [[nodiscard]] inline std::vector<TimeOffset> time_offsets(const FittedBody& body, const MotionState& state,
@@ -33,9 +36,11 @@ struct TimeOffset {
                                                           Span<const double> times, std::size_t camera_count) {
     struct Sums {
         double rv = 0, vv = 0, rr = 0, count = 0;
+        vec2<double> r{0}, v{0}, pixels{0};
     };
     std::vector<Sums> sums(camera_count);
     constexpr int first_hand = landmark_number("left_hand_wrist");
+    const auto product = [](const vec2<double>& a, const vec2<double>& b) { return a.x * b.x + a.y * b.y; };
     for (std::size_t t = 1; t + 1 < views.size(); ++t) {
         const FrameKinematics before(body, state.frames[t - 1], state.betas), now(body, state.frames[t], state.betas),
             after(body, state.frames[t + 1], state.betas);
@@ -54,18 +59,24 @@ struct TimeOffset {
                 const vec2<double> v{focal * (moved.x - x.x / x.z * moved.z), focal * (moved.y - x.y / x.z * moved.z)};
                 if (std::hypot(r.x, r.y) > 0.06) continue;
                 Sums& of = sums[view.camera_number];
-                of.rv += r.x * v.x + r.y * v.y, of.vv += v.x * v.x + v.y * v.y, of.rr += r.x * r.x + r.y * r.y;
-                of.count += 2;
+                of.rv += product(r, v), of.vv += product(v, v), of.rr += product(r, r), of.count += 1;
+                of.r += r, of.v += v;
+                of.pixels -= vec2<double>(r.x * view.camera.fx / x.z, r.y * view.camera.fy / x.z);
             }
     }
     std::vector<TimeOffset> result(camera_count);
     double mean = 0, weight = 0;
     for (std::size_t c = 0; c < camera_count; ++c) {
         const Sums& of = sums[c];
-        if (of.vv <= 0 || of.count < 20) continue;
-        result[c].seconds = -of.rv / of.vv;
-        result[c].error = std::sqrt(of.rr / of.count / of.vv);
-        mean += of.vv * result[c].seconds, weight += of.vv;
+        constexpr double fewest = 20;
+        if (of.count < fewest) continue;
+        result[c].shift = of.pixels / of.count;
+        const double vv = of.vv - product(of.v, of.v) / of.count, rv = of.rv - product(of.r, of.v) / of.count;
+        if (!(vv > 1e-6 * of.vv) || vv <= 0) continue;
+        result[c].seconds = -rv / vv;
+        result[c].error =
+            std::sqrt((of.rr - product(of.r, of.r) / of.count) / (2 * of.count) / (vv / of.count) / of.count);
+        mean += vv * result[c].seconds, weight += vv;
     }
     for (TimeOffset& offset : result)
         if (offset.error < 1e8 && weight > 0) offset.seconds -= mean / weight;
