@@ -46,7 +46,7 @@ def parse(arguments):
     parser.add_argument("--input-fps", type=float, default=30, metavar="N", help="frames per second of folders of images (30)")
     parser.add_argument("--jobs", type=int, default=0, metavar="N", help="processes (one per core)")
     parser.add_argument("--restart", action="store_true", help="discard what OUT holds of an earlier run")
-    options = parser.parse_args(arguments)
+    options = parser.parse_intermixed_args(arguments)
     for name, least in (("fps", 1e-3), ("frames", 1), ("size", 64), ("input_fps", 1e-3), ("jobs", 0)):
         if not getattr(options, name) >= least:
             parser.error(f"--{name.replace('_', '-')} must be at least {least:g}")

@@ -95,13 +95,12 @@ def load_toml(text):
 
 
 def read_qualisys(text):
-    """Intrinsics are in 1/64 pixel. The axes of its cameras are x right, y up, z backward; `transform` is theirs."""
+    """Intrinsics are in 1/64 pixel, places in millimetres; the axes of cameras are x right, y up, z backward."""
     cameras = []
     for c in ElementTree.fromstring(text).iter("camera"):
         lens, place, view = c.find("intrinsic"), c.find("transform"), c.find("fov_video")
         number = lambda node, key: float(node.get(key))
-        world_from_camera = np.array([[number(place, f"r{i}{j}") for i in (1, 2, 3)] for j in (1, 2, 3)]).T
-        R = np.diag([1.0, -1.0, -1.0]) @ world_from_camera
+        R = np.diag([1.0, -1.0, -1.0]) @ np.array([[number(place, f"r{i}{j}") for j in (1, 2, 3)] for i in (1, 2, 3)])
         centre = np.array([number(place, axis) for axis in "xyz"]) / 1000
         K = np.array([[number(lens, "focalLengthU"), number(lens, "skew") if lens.get("skew") else 0, number(lens, "centerPointU")],
                       [0, number(lens, "focalLengthV"), number(lens, "centerPointV")], [0, 0, 64]]) / 64

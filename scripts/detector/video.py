@@ -37,13 +37,16 @@ class Video:
 
     def __init__(self, name, path):
         self.name, self.path, self.notes = name, path, []
+        if not path.stat().st_size:
+            raise Failure(f"{path}: is empty; copy it again from the camera")
         try:
             with av.open(str(path)) as container:
                 if not container.streams.video:
                     raise Failure(f"{path}: holds no video")
                 self._read_header(container, container.streams.video[0])
         except av.error.FFmpegError as error:
-            raise Failure(f"{path}: cannot be read as a video ({error.strerror}); convert it: {convert_command(path)}") from error
+            raise Failure(f"{path}: cannot be read as a video ({error.strerror}): it is cut off, or of "
+                          f"another kind; copy it again, or convert it: {convert_command(path)}") from error
         except (PermissionError, OSError) as error:
             raise Failure(f"{path}: {error.strerror or error}") from error
 
@@ -58,8 +61,8 @@ class Video:
         self.start = stamps[0] * stream.time_base
         self.times = np.array([float(s * stream.time_base - self.start) for s in stamps])
         self.fps = round((len(stamps) - 1) / self.times[-1], 3) if len(stamps) > 1 and self.times[-1] > 0 else 30.0
-        container.seek(stamps[0], stream=stream)
-        first = next(iter(container.decode(stream)), None)
+        with av.open(str(self.path)) as again: # not every container can be rewound
+            first = next(iter(again.decode(video=0)), None)
         if first is None:
             raise Failure(f"{self.path}: no frame can be decoded; convert it: {convert_command(self.path)}")
         self.transfer = int(context.color_trc)
@@ -97,28 +100,37 @@ class Video:
     def frames(self, wanted):
         """Yields RGB images of the frames with these positions in `times`, in order."""
         targets = [float(self.times[i]) for i in wanted]
+        for seek in (True, False) if targets[0] > 5 else (False,): # not every container finds a time
+            k = 0
+            for k, image in enumerate(self._decode(targets, seek), 1):
+                yield image
+            if k == len(targets):
+                return
+            if k:
+                break
+        raise Failure(f"{self.path}: the frame at {targets[k]:.2f} s cannot be decoded; leave the rest out with --end "
+                      f"{targets[max(0, k - 1)]:.2f}, or convert it: {convert_command(self.path)}")
+
+    def _decode(self, targets, seek):
+        k = 0
         try:
             with av.open(str(self.path)) as container:
                 stream = container.streams.video[0]
                 stream.thread_type = "AUTO"
-                container.seek(int((self.start + targets[0]) / stream.time_base), stream=stream)
-                k = 0
+                if seek:
+                    container.seek(int((self.start + targets[0]) / stream.time_base), stream=stream)
                 for frame in container.decode(stream):
-                    if frame.pts is None and frame.dts is None:
-                        continue
-                    now = float((frame.pts if frame.pts is not None else frame.dts) * stream.time_base - self.start)
+                    stamp = frame.pts if frame.pts is not None else frame.dts
+                    now = float(stamp * stream.time_base - self.start) if stamp is not None else -1.0
                     if now > targets[k] + 1e-3: # the wanted frame was not decoded
-                        break
+                        return
                     if now > targets[k] - 1e-3:
                         yield self._upright(frame)
                         k += 1
                         if k == len(targets):
                             return
-        except av.error.FFmpegError as error:
-            raise Failure(f"{self.path}: decoding stopped at {targets[k]:.2f} s ({error.strerror}); leave the rest out with "
-                          f"--end {targets[k]:.2f}, or convert it: {convert_command(self.path)}") from error
-        raise Failure(f"{self.path}: the frame at {targets[k]:.2f} s cannot be decoded; leave the rest out with --end "
-                      f"{targets[k]:.2f}, or convert it: {convert_command(self.path)}")
+        except av.error.FFmpegError:
+            return # the caller names the time
 
 
 class ImageFolder:

@@ -5,7 +5,9 @@ import contextlib
 import multiprocessing
 import os
 from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
 
+from failure import Failure
 from progress import Progress
 
 _done = None # in a worker: the counter that the main process shows
@@ -42,6 +44,9 @@ def run(title, jobs, function, tasks, frames):
             progress.show(done.value)
             for future in finished:
                 future.result()
+    except BrokenProcessPool as error:
+        raise Failure(f"a process of the step '{title}' was ended by the system, perhaps for want of memory; the same command "
+                      "goes on from here; --jobs 1 takes less") from error
     finally:
         with contextlib.suppress(Exception):
             pool.shutdown(wait=True, cancel_futures=True)
