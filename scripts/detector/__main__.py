@@ -31,19 +31,37 @@ line that says what is wrong to standard error, and ends with another code. keyp
 
 
 def parse(arguments):
-    parser = argparse.ArgumentParser(prog="scripts/detect", epilog=CONTRACT, formatter_class=argparse.RawDescriptionHelpFormatter,
-                                     description="Finds a person in videos: images, landmarks and masks for gsh-fit.")
+    parser = argparse.ArgumentParser(
+        prog="scripts/detect",
+        epilog=CONTRACT,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        description="Finds a person in videos: images, landmarks and masks for gsh-fit.",
+    )
     parser.add_argument("out", metavar="OUT", help="the folder to write")
     parser.add_argument("videos", metavar="VIDEO", nargs="*", help="one per camera: a video, or a folder of images")
-    parser.add_argument("--camera", metavar="NAME=PATH", action="append", default=[], help="a video, and the name of its camera")
-    parser.add_argument("--fps", type=float, default=10, metavar="N", help="frames per second to keep, at most (10)")
-    parser.add_argument("--frames", type=int, default=150, metavar="N", help="frames of each camera to keep, at most (150)")
+    parser.add_argument(
+        "--camera", metavar="NAME=PATH", action="append", default=[], help="a video, and the name of its camera"
+    )
+    parser.add_argument(
+        "--fps", type=float, default=10, metavar="N", help="frames per second to keep, at most (10)"
+    )
+    parser.add_argument(
+        "--frames", type=int, default=150, metavar="N", help="frames of each camera to keep, at most (150)"
+    )
     parser.add_argument("--begin", type=float, metavar="S", help="seconds from the start to the first frame")
     parser.add_argument("--end", type=float, metavar="S", help="seconds from the start to the last frame")
-    parser.add_argument("--size", type=int, default=960, metavar="N", help="longer side of the images, at most (960)")
-    parser.add_argument("--calibration", metavar="FILE", help="calibrated cameras: cameras.json of gsh, .toml of Pose2Sim, "
-                        "Anipose or Caliscope, Qualisys' .qca.txt, or intri.yml (beside extri.yml)")
-    parser.add_argument("--input-fps", type=float, default=30, metavar="N", help="frames per second of folders of images (30)")
+    parser.add_argument(
+        "--size", type=int, default=960, metavar="N", help="longer side of the images, at most (960)"
+    )
+    parser.add_argument(
+        "--calibration",
+        metavar="FILE",
+        help="calibrated cameras: cameras.json of gsh, .toml of Pose2Sim, "
+        "Anipose or Caliscope, Qualisys' .qca.txt, or intri.yml (beside extri.yml)",
+    )
+    parser.add_argument(
+        "--input-fps", type=float, default=30, metavar="N", help="frames per second of folders of images (30)"
+    )
     parser.add_argument("--jobs", type=int, default=0, metavar="N", help="processes (one per core)")
     parser.add_argument("--restart", action="store_true", help="discard what OUT holds of an earlier run")
     options = parser.parse_intermixed_args(arguments)
@@ -67,29 +85,37 @@ def named_paths(options):
         if "/" in name or name.startswith("."):
             raise Failure(f"{name!r} cannot be the name of a camera; name it by --camera NAME={path}")
         if name in found:
-            raise Failure(f"two videos have the name {name}: {found[name]} and {path}; name them by --camera NAME=PATH")
+            raise Failure(
+                f"two videos have the name {name}: {found[name]} and {path}; name them by --camera NAME=PATH"
+            )
         found[name] = path
     return found
 
 
 def prepare(folder, options, sources):
     """Continues an earlier run with the same settings, and refuses a folder that holds something else."""
+
     def stamp(path):
         files = sorted(path.iterdir()) if path.is_dir() else [path]
         return [len(files), sum(f.stat().st_size for f in files), max(int(f.stat().st_mtime) for f in files)]
 
     keys = ("fps", "frames", "begin", "end", "size", "input_fps")
-    settings = {"detector": DETECTOR, **{k: getattr(options, k) for k in keys},
-                "videos": {s.name: [str(Path(s.path).resolve()), *stamp(Path(s.path))] for s in sources},
-                "calibration": options.calibration and [str(Path(options.calibration).resolve()),
-                                                        *stamp(Path(options.calibration))]}
+    settings = {
+        "detector": DETECTOR,
+        **{k: getattr(options, k) for k in keys},
+        "videos": {s.name: [str(Path(s.path).resolve()), *stamp(Path(s.path))] for s in sources},
+        "calibration": options.calibration
+        and [str(Path(options.calibration).resolve()), *stamp(Path(options.calibration))],
+    }
     file = folder.work / "settings.json"
     if file.exists() and not options.restart:
         old = json.loads(file.read_text())
         changed = [k for k in settings if old.get(k) != settings[k]]
         if changed:
-            raise Failure(f"{folder.out} was begun with another {changed[0].replace('_', '-')} ({old.get(changed[0])}); "
-                          "begin anew with --restart, or name another folder")
+            raise Failure(
+                f"{folder.out} was begun with another {changed[0].replace('_', '-')} ({old.get(changed[0])}); "
+                "begin anew with --restart, or name another folder"
+            )
         return
     if folder.out.exists() and any(folder.out.iterdir()):
         if not file.exists():
@@ -114,11 +140,19 @@ def run(options):
     for source in sources:
         for note in source.notes:
             print(note)
-    choice = times.choose([s.name for s in sources], [s.times for s in sources], options.fps, options.frames,
-                          options.begin, options.end)
+    choice = times.choose(
+        [s.name for s in sources],
+        [s.times for s in sources],
+        options.fps,
+        options.frames,
+        options.begin,
+        options.end,
+    )
     lenses, cameras, placed = [], [], []
     calibrated, notes = calibration.read_calibration(options.calibration) if options.calibration else (None, [])
-    matched = calibration.match_cameras([s.name for s in sources], calibrated) if calibrated else [None] * len(sources)
+    matched = (
+        calibration.match_cameras([s.name for s in sources], calibrated) if calibrated else [None] * len(sources)
+    )
     for source, camera in zip(sources, matched):
         width, height = source.size
         scale = min(1.0, options.size / max(source.size))
@@ -143,8 +177,11 @@ def run(options):
     if not count:
         raise Failure("no time is left at which all cameras have a frame")
     prepare(folder, options, sources)
-    print(f"{count} frames of {len(sources)} camera{'s' if len(sources) > 1 else ''}, {choice.fps:.2f} a second, "
-          f"{cameras[0]['width']} x {cameras[0]['height']}", flush=True)
+    print(
+        f"{count} frames of {len(sources)} camera{'s' if len(sources) > 1 else ''}, {choice.fps:.2f} a second, "
+        f"{cameras[0]['width']} x {cameras[0]['height']}",
+        flush=True,
+    )
     if (folder.out / "keypoints.json").exists():
         print(f"{folder.out} is complete")
         return
@@ -152,9 +189,16 @@ def run(options):
     names = [s.name for s in sources]
     every = len(names) * count
     pieces = [(n, list(range(i, min(i + 12, count)))) for n in names for i in range(0, count, 12)]
-    workers.run("frames", jobs, stages.extract, [
-        (folder, s, wanted, (c["width"], c["height"]), lens)
-        for s, wanted, c, lens in zip(sources, choice.frames, cameras, lenses)], every)
+    workers.run(
+        "frames",
+        jobs,
+        stages.extract,
+        [
+            (folder, s, wanted, (c["width"], c["height"]), lens)
+            for s, wanted, c, lens in zip(sources, choice.frames, cameras, lenses)
+        ],
+        every,
+    )
     workers.run("search", jobs, stages.place_of, [(folder, n, count) for n in names], every)
     seen = [n for n in names if stages.load(folder.look(n, "place"))]
     for name in names:
@@ -190,9 +234,11 @@ def run(options):
     write_json(folder.out / "video.json", video_json(choice.fps, cameras, sources, kept), indent=1)
     if placed:
         write_json(folder.out / "cameras.json", cameras_json(choice.fps, placed), indent=1)
-    write_json(folder.out / "keypoints.json",
-               keypoints_json([(c["name"], c["width"], c["height"]) for c in cameras], found, DETECTOR))
-    for path in folder.work.iterdir(): # what only a continued run needs
+    write_json(
+        folder.out / "keypoints.json",
+        keypoints_json([(c["name"], c["width"], c["height"]) for c in cameras], found, DETECTOR),
+    )
+    for path in folder.work.iterdir():  # what only a continued run needs
         if path.name != "settings.json":
             shutil.rmtree(path) if path.is_dir() else path.unlink()
     report(folder, names, found)
@@ -202,7 +248,10 @@ def report(folder, names, found):
     people = [p for frames in found for p in frames]
     share = lambda key: 100 * sum(bool(p and key in p) for p in people) / len(people)
     hands = (share("mediapipe_left_hand") + share("mediapipe_right_hand")) / 2
-    print(f"person in {share('mediapipe_pose'):.0f}% of the images, face in {share('mediapipe_face'):.0f}%, hands in {hands:.0f}%")
+    print(
+        f"person in {share('mediapipe_pose'):.0f}% of the images, face in {share('mediapipe_face'):.0f}%, "
+        f"hands in {hands:.0f}%"
+    )
     missing = [f"{n} {sum(p is None for p in frames)}" for n, frames in zip(names, found) if not all(frames)]
     if missing:
         print(f"images without a person, whose masks are black: {', '.join(missing)}")

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reads calibrated cameras: gsh's cameras.json, TOML of Pose2Sim, Anipose and Caliscope, Qualisys' XML, and OpenCV's YAML
-(intri.yml, extri.yml). Needs only NumPy (and tomli before Python 3.11).
+"""Reads calibrated cameras: gsh's cameras.json, TOML of Pose2Sim, Anipose and Caliscope, Qualisys' XML, and OpenCV's
+YAML (intri.yml, extri.yml). Needs only NumPy (and tomli before Python 3.11).
 
-All become: x_cam = R x_world + t, camera x right, y down, z forward; metres; world y up; pixels from the image's corner.
+All become: x_cam = R x_world + t, camera x right, y down, z forward; metres; world y up; pixels from the image's
+corner.
 """
 
 import json
@@ -19,11 +20,11 @@ from failure import Failure
 @dataclass
 class Camera:
     name: str
-    size: tuple            # width, height of the images that it was calibrated on; None if the file does not tell
+    size: tuple  # width, height of the images that it was calibrated on; None if the file does not tell
     K: np.ndarray
     R: np.ndarray
     t: np.ndarray
-    distortion: np.ndarray # OpenCV's k1, k2, p1, p2 and k3 …, or the four of its fisheye model
+    distortion: np.ndarray  # OpenCV's k1, k2, p1, p2 and k3 …, or the four of its fisheye model
     fisheye: bool = False
 
 
@@ -45,8 +46,10 @@ def read_calibration(path):
         elif text.lstrip().startswith("<"):
             cameras, metric = read_qualisys(text), True
         else:
-            raise Failure(f"{path}: unknown kind of calibration; expected cameras.json of gsh, .toml of Pose2Sim, Anipose "
-                          "or Caliscope, Qualisys' XML (.qca.txt), or intri.yml beside extri.yml")
+            raise Failure(
+                f"{path}: unknown kind of calibration; expected cameras.json of gsh, .toml of Pose2Sim, Anipose "
+                "or Caliscope, Qualisys' XML (.qca.txt), or intri.yml beside extri.yml"
+            )
         if not cameras:
             raise Failure(f"{path}: holds no camera")
         return cameras, to_metres(cameras, metric) + to_y_up(cameras)
@@ -55,41 +58,51 @@ def read_calibration(path):
 
 
 def read_gsh(text):
-    return [Camera(c["name"], (int(c["width"]), int(c["height"])), matrix(c["K"], 3, 3), matrix(c["R"], 3, 3),
-                   matrix(c["t"], 3), np.array(c.get("distortion") or [0.0] * 5, float))
-            for c in json.loads(text)["cameras"]]
+    return [
+        Camera(
+            c["name"],
+            (int(c["width"]), int(c["height"])),
+            matrix(c["K"], 3, 3),
+            matrix(c["R"], 3, 3),
+            matrix(c["t"], 3),
+            np.array(c.get("distortion") or [0.0] * 5, float),
+        )
+        for c in json.loads(text)["cameras"]
+    ]
 
 
 def read_toml(text):
-    cameras = []
-    for section, c in load_toml(text).items():
-        if not isinstance(c, dict) or c.get("ignore"):
-            continue
-        if "cameras" == section: # Caliscope nests its cameras
-            cameras += read_toml_sections(c)
-        else:
-            cameras += read_toml_sections({section: c})
-    return cameras
-
-
-def read_toml_sections(sections):
+    """A section for each camera; Caliscope may nest them in `cameras`, and numbers its cameras."""
+    sections = load_toml(text)
+    nested = sections.get("cameras")
+    if isinstance(nested, dict):
+        sections = nested
     cameras = []
     for section, c in sections.items():
         if not isinstance(c, dict) or "matrix" not in c or c.get("rotation") is None or c.get("ignore"):
-            continue # metadata, or a camera without a place
+            continue  # metadata, or a camera without a place
+        number = c.get("cam_id", c.get("port"))
+        name = c.get("name", section if number is None else f"cam_{number}")
         rotation = np.array(c["rotation"], float)
         size = tuple(int(round(v)) for v in c["size"]) if "size" in c else None
-        cameras.append(Camera(str(c.get("name", section)), size, corner_based(matrix(c["matrix"], 3, 3)),
-                              rotation if rotation.shape == (3, 3) else rodrigues(rotation.ravel()),
-                              matrix(c["translation"], 3), np.array(c.get("distortions", [0] * 5), float).ravel(),
-                              bool(c.get("fisheye", False))))
+        cameras.append(
+            Camera(
+                str(name),
+                size,
+                corner_based(matrix(c["matrix"], 3, 3)),
+                rotation if rotation.shape == (3, 3) else rodrigues(rotation.ravel()),
+                matrix(c["translation"], 3),
+                np.array(c.get("distortions", [0] * 5), float).ravel(),
+                bool(c.get("fisheye", False)),
+            )
+        )
     return cameras
 
 
 def load_toml(text):
     try:
         import tomllib
-    except ImportError: # Python 3.10
+    except ImportError:  # Python 3.10
         import tomli as tomllib
     return tomllib.loads(text)
 
@@ -100,12 +113,34 @@ def read_qualisys(text):
     for c in ElementTree.fromstring(text).iter("camera"):
         lens, place, view = c.find("intrinsic"), c.find("transform"), c.find("fov_video")
         number = lambda node, key: float(node.get(key))
-        R = np.diag([1.0, -1.0, -1.0]) @ np.array([[number(place, f"r{i}{j}") for j in (1, 2, 3)] for i in (1, 2, 3)])
+        R = np.diag([1.0, -1.0, -1.0]) @ np.array(
+            [[number(place, f"r{i}{j}") for j in (1, 2, 3)] for i in (1, 2, 3)]
+        )
         centre = np.array([number(place, axis) for axis in "xyz"]) / 1000
-        K = np.array([[number(lens, "focalLengthU"), number(lens, "skew") if lens.get("skew") else 0, number(lens, "centerPointU")],
-                      [0, number(lens, "focalLengthV"), number(lens, "centerPointV")], [0, 0, 64]]) / 64
-        k = [number(lens, key) / 64 for key in ("radialDistortion1", "radialDistortion2", "tangentalDistortion1",
-                                                "tangentalDistortion2", "radialDistortion3")]
+        K = (
+            np.array(
+                [
+                    [
+                        number(lens, "focalLengthU"),
+                        number(lens, "skew") if lens.get("skew") else 0,
+                        number(lens, "centerPointU"),
+                    ],
+                    [0, number(lens, "focalLengthV"), number(lens, "centerPointV")],
+                    [0, 0, 64],
+                ]
+            )
+            / 64
+        )
+        k = [
+            number(lens, key) / 64
+            for key in (
+                "radialDistortion1",
+                "radialDistortion2",
+                "tangentalDistortion1",
+                "tangentalDistortion2",
+                "radialDistortion3",
+            )
+        ]
         size = tuple(int(view.get(b)) - int(view.get(a)) + 1 for a, b in (("left", "right"), ("top", "bottom")))
         cameras.append(Camera(c.get("serial"), size, corner_based(K), R, -R @ centre, np.array(k)))
     return cameras
@@ -125,16 +160,27 @@ def read_opencv(path):
         name = key[2:]
         R = place["Rot_" + name] if "Rot_" + name in place else rodrigues(place["R_" + name].ravel())
         size = tuple(int(lens[k + name].ravel()[0]) for k in ("W_", "H_")) if "W_" + name in lens else None
-        cameras.append(Camera(name, size, corner_based(K), R, place["T_" + name].ravel(),
-                              lens.get("dist_" + name, np.zeros(5)).ravel()))
+        cameras.append(
+            Camera(
+                name,
+                size,
+                corner_based(K),
+                R,
+                place["T_" + name].ravel(),
+                lens.get("dist_" + name, np.zeros(5)).ravel(),
+            )
+        )
     return cameras
 
 
 def opencv_matrices(text):
     """NAME: !!opencv-matrix with rows, cols and data; and NAME: NUMBER."""
     found = {}
-    for m in re.finditer(r"^(\w[\w.-]*):\s*!!opencv-matrix\s+rows:\s*(\d+)\s+cols:\s*(\d+)\s+dt:\s*\w+\s+data:\s*\[([^\]]*)\]",
-                         text, re.M):
+    for m in re.finditer(
+        r"^(\w[\w.-]*):\s*!!opencv-matrix\s+rows:\s*(\d+)\s+cols:\s*(\d+)\s+dt:\s*\w+\s+data:\s*\[([^\]]*)\]",
+        text,
+        re.M,
+    ):
         found[m[1]] = np.array([float(v) for v in m[4].split(",")]).reshape(int(m[2]), int(m[3]))
     for m in re.finditer(r"^(\w[\w.-]*):[ \t]*([-+.\deE]+)[ \t\r]*$", text, re.M):
         found[m[1]] = np.array([[float(m[2])]])
@@ -195,6 +241,7 @@ def to_y_up(cameras):
 
 def match_cameras(names, cameras):
     """The calibrated camera of each name; upper case, signs and leading zeros of numbers do not matter."""
+
     def plain(name):
         return re.sub(r"0*(\d+)", r"\1", re.sub(r"[^a-z0-9]", "", name.lower()))
 
@@ -207,7 +254,9 @@ def match_cameras(names, cameras):
         camera = by_name.get(name) or (alike[0] if len(alike) == 1 else None)
         if camera is None:
             known = ", ".join(c.name for c in cameras)
-            raise Failure(f"camera {name} is not in the calibration, which has {known}; name videos by --camera NAME=PATH")
+            raise Failure(
+                f"camera {name} is not in the calibration, which has {known}; name videos by --camera NAME=PATH"
+            )
         found.append(camera)
     return found
 
@@ -221,13 +270,24 @@ def fit_to_size(camera, width, height):
     if camera.size is None or tuple(camera.size) == (width, height):
         return K, None
     w, h = camera.size
-    if (w, h) in {(-(-width // 16) * 16, height), (width, -(-height // 16) * 16), (-(-width // 16) * 16, -(-height // 16) * 16)}:
-        return K, (f"{camera.name}: calibrated on {w} x {h}, which is {width} x {height} with the padding of a codec at the "
-                   "right and bottom; K is kept")
+    if (w, h) in {
+        (-(-width // 16) * 16, height),
+        (width, -(-height // 16) * 16),
+        (-(-width // 16) * 16, -(-height // 16) * 16),
+    }:
+        return K, (
+            f"{camera.name}: calibrated on {w} x {h}, which is {width} x {height} with the padding of a codec at the "
+            "right and bottom; K is kept"
+        )
     if abs(w * height - h * width) <= 0.002 * w * height:
         K[0] *= width / w
         K[1] *= height / h
         return K, f"{camera.name}: calibrated on {w} x {h}; K is scaled to frames of {width} x {height}"
-    turned = ", turned by 90 degrees; calibrate on upright images" if (w > h) != (width > height) else \
-        "; give the video in the size of the calibration"
-    raise Failure(f"{camera.name}: calibrated on images of {w} x {h}, but the frames are {width} x {height}{turned}")
+    turned = (
+        ", turned by 90 degrees; calibrate on upright images"
+        if (w > h) != (width > height)
+        else "; give the video in the size of the calibration"
+    )
+    raise Failure(
+        f"{camera.name}: calibrated on images of {w} x {h}, but the frames are {width} x {height}{turned}"
+    )

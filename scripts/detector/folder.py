@@ -47,22 +47,48 @@ def keypoints_json(cameras, people, detector):
             images.append({"id": len(images), "file_name": f"{name}/{i:04d}.png", "width": width, "height": height})
             if person:
                 fields = {k: v for k, v in person.items() if k != "sides_doubtful"}
-                annotations.append({"id": len(annotations), "image_id": images[-1]["id"], "category_id": 1, **fields})
-    return {"info": {"detector": detector}, "images": images, "annotations": annotations,
-            "categories": [{"id": 1, "name": "person"}]}
+                annotations.append(
+                    {"id": len(annotations), "image_id": images[-1]["id"], "category_id": 1, **fields}
+                )
+    return {
+        "info": {"detector": detector},
+        "images": images,
+        "annotations": annotations,
+        "categories": [{"id": 1, "name": "person"}],
+    }
 
 
 def video_json(fps, cameras, sources, times):
     """`cameras`: dicts of name, width, height and perhaps focal; `times`: per camera, seconds in its own video."""
     origin = min(t[0] for t in times)
-    return {"fps": round(fps, 6), "cameras": [
-        {**camera, "source": str(source.path), "source_fps": source.fps,
-         "times": [round(float(t - origin), 6) for t in kept]}
-        for camera, source, kept in zip(cameras, sources, times)]}
+    return {
+        "fps": round(fps, 6),
+        "cameras": [
+            {
+                **camera,
+                "source": str(source.path),
+                "source_fps": source.fps,
+                "times": [round(float(t - origin), 6) for t in kept],
+            }
+            for camera, source, kept in zip(cameras, sources, times)
+        ],
+    }
 
 
 def cameras_json(fps, cameras):
     """`cameras`: (name, width, height, K, R, t) of undistorted images."""
-    return {"fps": round(fps, 6), "cameras": [
-        {"name": name, "role": "train", "width": width, "height": height, "K": K.tolist(), "R": R.tolist(), "t": t.tolist()}
-        for name, width, height, K, R, t in cameras]}
+    return {
+        "fps": round(fps, 6),
+        "cameras": [
+            {
+                "name": name,
+                "role": "train",
+                "width": width,
+                "height": height,
+                "K": K.tolist(),
+                "R": R.tolist(),
+                "t": t.tolist(),
+            }
+            for name, width, height, K, R, t in cameras
+        ],
+    }

@@ -14,16 +14,20 @@ import numpy as np
 
 from sides import GROUPS, OTHER_SIDE
 
-ARMS = {"left": (13, 15, 19, 17), "right": (14, 16, 20, 18)} # elbow, wrist, knuckles of index and little finger
-PERSON_PIXELS, HAND_PIXELS, MASK_PIXELS = 768, 384, 256      # sides of squares; 256 is the resolution of MediaPipe's masks
+ARMS = {"left": (13, 15, 19, 17), "right": (14, 16, 20, 18)}  # elbow, wrist, knuckles of index and little finger
+PERSON_PIXELS, HAND_PIXELS, MASK_PIXELS = (
+    768,
+    384,
+    256,
+)  # sides of squares; 256 is the resolution of MediaPipe's masks
 # A landmark that differs by this share of the person's size between both looks has half the visibility. (A_multi: up to
-# 1% it is 0.5% from its place as other cameras see it, from 2 to 4% on 2%, then 6 to 8%.) For fingers, of the hand's size.
+# 1% it is 0.5% from its place as other cameras see it, from 2 to 4% on 2%, then 6 to 8%.) For fingers: of the hand.
 PERSON_SPREAD, HAND_SPREAD = 0.02, 0.10
-APART = 0.10 # looks whose limbs differ by more than this share of the person's size saw different things
+APART = 0.10  # looks whose limbs differ by more than this share of the person's size saw different things
 
 
 class Square:
-    """A square part of an image, enlarged or reduced to `pixels`, possibly mirrored. Outside of the image it is grey."""
+    """A square part of an image, scaled to `pixels`, possibly mirrored. Outside of the image it is grey."""
 
     def __init__(self, image, centre, side, pixels, mirrored=False):
         self.side, self.mirrored = max(2, int(np.ceil(side))), mirrored
@@ -33,8 +37,10 @@ class Square:
         x0, y0, x1, y1 = max(x, 0), max(y, 0), min(x + self.side, w), min(y + self.side, h)
         part = np.full((self.side, self.side, 3), 128, np.uint8)
         if x1 > x0 and y1 > y0:
-            part[y0 - y:y1 - y, x0 - x:x1 - x] = image[y0:y1, x0:x1]
-        part = cv2.resize(part, (pixels, pixels), interpolation=cv2.INTER_CUBIC if pixels > self.side else cv2.INTER_AREA)
+            part[y0 - y : y1 - y, x0 - x : x1 - x] = image[y0:y1, x0:x1]
+        part = cv2.resize(
+            part, (pixels, pixels), interpolation=cv2.INTER_CUBIC if pixels > self.side else cv2.INTER_AREA
+        )
         self.image = np.ascontiguousarray(part[:, ::-1]) if mirrored else part
 
     def points(self, landmarks):
@@ -47,10 +53,16 @@ class Square:
     def pose(self, seen):
         """x, y, visibility and metres of the 33 landmarks [33, 6], and the mask; sides are the person's."""
         sign = -1 if self.mirrored else 1
-        rows = np.array([[p.visibility, sign * m.x, m.y, m.z]
-                         for p, m in zip(seen.pose_landmarks.landmark, seen.pose_world_landmarks.landmark)])
+        rows = np.array(
+            [
+                [p.visibility, sign * m.x, m.y, m.z]
+                for p, m in zip(seen.pose_landmarks.landmark, seen.pose_world_landmarks.landmark)
+            ]
+        )
         rows = np.hstack([self.points(seen.pose_landmarks), rows])
-        mask = cv2.resize(seen.segmentation_mask[:, ::sign], (MASK_PIXELS, MASK_PIXELS), interpolation=cv2.INTER_AREA)
+        mask = cv2.resize(
+            seen.segmentation_mask[:, ::sign], (MASK_PIXELS, MASK_PIXELS), interpolation=cv2.INTER_AREA
+        )
         return rows[OTHER_SIDE] if self.mirrored else rows, np.rint(255 * np.clip(mask, 0, 1)).astype(np.uint8)
 
 
@@ -59,14 +71,16 @@ def paste(mask, corner, side, shape):
     (x, y), (h, w) = np.asarray(corner).astype(int), shape
     x0, y0, x1, y1 = max(x, 0), max(y, 0), min(x + side, w), min(y + side, h)
     whole = np.zeros(shape, np.float32)
-    whole[y0:y1, x0:x1] = cv2.resize(mask.astype(np.float32) / 255, (side, side))[y0 - y:y1 - y, x0 - x:x1 - x]
+    whole[y0:y1, x0:x1] = cv2.resize(mask.astype(np.float32) / 255, (side, side))[y0 - y : y1 - y, x0 - x : x1 - x]
     return whole
 
 
 def model(name, moving, **options):
     from mediapipe.python import solutions
+
     return getattr(getattr(solutions, name), {"pose": "Pose", "holistic": "Holistic", "hands": "Hands"}[name])(
-        static_image_mode=not moving, model_complexity=1, **options)
+        static_image_mode=not moving, model_complexity=1, **options
+    )
 
 
 def find_person(images):
@@ -89,8 +103,15 @@ def find_person(images):
 
 def look_forward(images, place):
     """Per frame a dict of pose, mask, and what was found of face, left_hand and right_hand; None if there is nobody."""
-    holistic = model("holistic", True, smooth_landmarks=False, enable_segmentation=True, smooth_segmentation=False,
-                     refine_face_landmarks=True, min_detection_confidence=0.4)
+    holistic = model(
+        "holistic",
+        True,
+        smooth_landmarks=False,
+        enable_segmentation=True,
+        smooth_segmentation=False,
+        refine_face_landmarks=True,
+        min_detection_confidence=0.4,
+    )
     for image in images:
         square = Square(image, *place, PERSON_PIXELS)
         seen = holistic.process(square.image)
@@ -107,8 +128,14 @@ def look_forward(images, place):
 
 def look_backward(images, place):
     """The same, of pose and mask, for mirrored images; the caller gives them from last to first."""
-    pose = model("pose", True, smooth_landmarks=False, enable_segmentation=True, smooth_segmentation=False,
-                 min_detection_confidence=0.4)
+    pose = model(
+        "pose",
+        True,
+        smooth_landmarks=False,
+        enable_segmentation=True,
+        smooth_segmentation=False,
+        min_detection_confidence=0.4,
+    )
     for image in images:
         square = Square(image, *place, PERSON_PIXELS, mirrored=True)
         seen = pose.process(square.image)
@@ -128,8 +155,10 @@ def join_looks(forward, backward):
         rows[:, 2] *= 0.5
     else:
         rows, doubtful, mask = mean_look(*looks)
-    person = {"mediapipe_pose": triples(rows[:, :2], rows[:, 2]),
-              "mediapipe_world": [[round(float(v), 5) for v in row[3:]] for row in rows]}
+    person = {
+        "mediapipe_pose": triples(rows[:, :2], rows[:, 2]),
+        "mediapipe_world": [[round(float(v), 5) for v in row[3:]] for row in rows],
+    }
     if doubtful:
         person["sides_doubtful"] = doubtful
     for key in ("face", "left_hand", "right_hand"):
@@ -143,7 +172,7 @@ def mean_look(first, second):
     size = max(np.ptp(p[:, :2], axis=0).max() for p in (a, b))
     same = np.linalg.norm(a[:, :2] - b[:, :2], axis=1)
     exchanged = np.linalg.norm(a[:, :2] - b[OTHER_SIDE][:, :2], axis=1)
-    if np.minimum(same, exchanged).mean() > APART * size: # one of the looks is wrong
+    if np.minimum(same, exchanged).mean() > APART * size:  # one of the looks is wrong
         better = first if a[:, 2].mean() >= b[:, 2].mean() else second
         rows = better["pose"].copy()
         rows[:, 2] *= 0.5
@@ -170,8 +199,13 @@ class HandDetector:
         pose = np.array(person["mediapipe_pose"])[:, :2]
         for side, arm in ARMS.items():
             first = person.pop(f"mediapipe_{side}_hand", None)
-            hand = self.hand(image, pose[list(arm)], 0.16 * np.ptp(pose, axis=0).max(), side,
-                             np.array(first)[:, :2] if first else None)
+            hand = self.hand(
+                image,
+                pose[list(arm)],
+                0.16 * np.ptp(pose, axis=0).max(),
+                side,
+                np.array(first)[:, :2] if first else None,
+            )
             if hand:
                 person[f"mediapipe_{side}_hand"] = triples(*hand)
 
@@ -181,12 +215,14 @@ class HandDetector:
         size = max(np.linalg.norm(wrist - elbow), least_size)
         square = Square(image, wrist + 0.8 * ((index + little) / 2 - wrist), 2.5 * size, HAND_PIXELS)
         result = self.hands.process(square.image)
-        second, confidence, nearest = None, 0.0, 0.5 * size # farther from the wrist, it is the other hand
+        second, confidence, nearest = None, 0.0, 0.5 * size  # farther from the wrist, it is the other hand
         for landmarks, kind in zip(result.multi_hand_landmarks or [], result.multi_handedness or []):
             points, kind = square.points(landmarks), kind.classification[0]
             distance = np.linalg.norm(points[0] - wrist)
             if distance < nearest:
-                of_side = (kind.label == "Right") == (side == "left") # MediaPipe names the sides of mirrored images
+                of_side = (kind.label == "Right") == (
+                    side == "left"
+                )  # MediaPipe names the sides of mirrored images
                 second, confidence, nearest = points, kind.score if of_side else 1 - kind.score, distance
         if first is None or second is None:
             only = first if second is None else second

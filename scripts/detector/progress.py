@@ -18,11 +18,13 @@ class Progress:
             return
         self.last, self.shown = now, True
         fraction = min(1.0, done / self.total)
-        line = f"{self.title} [{'#' * int(24 * fraction):.<24}] {100 * fraction:3.0f}%  {done} of {self.total} frames"
+        line = (
+            f"{self.title} [{'#' * int(24 * fraction):.<24}] {100 * fraction:3.0f}%  {done} of {self.total} frames"
+        )
         if done:
             line += f"  {(now - self.begun) * (1 - fraction) / fraction:.0f} s left"
         if self.terminal:
-            sys.stderr.write("\r\033[K" + line[:max(1, shutil.get_terminal_size().columns - 1)])
+            sys.stderr.write("\r\033[K" + line[: max(1, shutil.get_terminal_size().columns - 1)])
         else:
             sys.stderr.write(line + "\n")
         sys.stderr.flush()

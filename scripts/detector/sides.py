@@ -11,8 +11,8 @@ import numpy as np
 OTHER_SIDE = np.array([0, 4, 5, 6, 1, 2, 3, 8, 7, 10, 9] + [i + 1 if i % 2 else i - 1 for i in range(11, 33)])
 # Sides are confused for all limbs or for arms or legs alone: what goes together, and what shows it.
 GROUPS = {"arms": (range(0, 23), (11, 12, 13, 14, 15, 16)), "legs": (range(23, 33), (23, 24, 25, 26, 27, 28))}
-EXCHANGE = 0.01 # what an exchanged frame counts, in sizes of the person
-FARTHEST = 0.15 # limbs that move farther than this in one step count as this
+EXCHANGE = 0.01  # what an exchanged frame counts, in sizes of the person
+FARTHEST = 0.15  # limbs that move farther than this in one step count as this
 
 
 def exchange_sides(people):
@@ -35,10 +35,10 @@ def improbable(poses, limbs, doubtful):
     if len(poses) < 2:
         return []
     size = np.median([np.ptp(p, axis=0).max() for p in poses])
-    ways = [np.stack([p[list(limbs)], p[OTHER_SIDE[list(limbs)]]]) / size for p in poses] # as found, exchanged
+    ways = [np.stack([p[list(limbs)], p[OTHER_SIDE[list(limbs)]]]) / size for p in poses]  # as found, exchanged
     cost, came_from = np.zeros((len(poses), 2)), np.zeros((len(poses), 2), int)
     for k, way in enumerate(ways):
-        if k: # move[a, b]: from way a of the frame before to way b of this one
+        if k:  # move[a, b]: from way a of the frame before to way b of this one
             move = np.minimum(np.linalg.norm(ways[k - 1][:, None] - way[None], axis=-1), FARTHEST).mean(-1)
             total = cost[k - 1][:, None] + move
             came_from[k], cost[k] = total.argmin(0), total.min(0)
@@ -58,5 +58,5 @@ def exchange(person, group, landmarks):
     if group == "arms":
         left, right = (person.pop(f"mediapipe_{s}_hand", None) for s in ("left", "right"))
         for side, hand in (("left", right), ("right", left)):
-            if hand: # found as the other hand, so its fingers are doubtful
+            if hand:  # found as the other hand, so its fingers are doubtful
                 person[f"mediapipe_{side}_hand"] = [[x, y, round(0.5 * c, 4)] for x, y, c in hand]

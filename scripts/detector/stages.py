@@ -15,8 +15,11 @@ from workers import frame_done
 
 
 def write_image(path, image):
-    ok, data = cv2.imencode(".png", image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_RGB2BGR),
-                            [cv2.IMWRITE_PNG_COMPRESSION, 3])
+    ok, data = cv2.imencode(
+        ".png",
+        image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_RGB2BGR),
+        [cv2.IMWRITE_PNG_COMPRESSION, 3],
+    )
     if not ok:
         raise Failure(f"{path}: cannot be encoded")
     write_whole(path, data.tobytes())
@@ -35,7 +38,7 @@ def load(path):
 
 
 def extract(folder, source, wanted, size, lens):
-    """Frames of a camera, upright, without distortion, in their final size. `lens`: (K, coefficients, fisheye) or None."""
+    """Writes frames, without distortion, in their final size. `lens`: (K, coefficients, fisheye) or None."""
     first = next((i for i in range(len(wanted)) if not folder.image(source.name, i).exists()), len(wanted))
     frame_done(first)
     if first == len(wanted):
@@ -44,7 +47,7 @@ def extract(folder, source, wanted, size, lens):
     if lens:
         K, coefficients, fisheye = lens
         K = K.copy()
-        K[:2, 2] -= 0.5 # OpenCV's pixels begin at the first one's centre
+        K[:2, 2] -= 0.5  # OpenCV's pixels begin at the first one's centre
         straighten = cv2.fisheye.initUndistortRectifyMap if fisheye else cv2.initUndistortRectifyMap
         coefficients = coefficients[:4].reshape(4, 1) if fisheye else coefficients
         maps = straighten(K, coefficients, np.eye(3), K, source.size, cv2.CV_32FC1)
@@ -104,10 +107,12 @@ def coarse_mask(folder, camera, i, shape):
 def make_plate(folder, camera, count):
     """The background of a camera: what masks need of it, and its picture if the camera stands still."""
     seen = [i for i in range(count) if load(folder.person(camera, i))[0]]
-    seen = seen[::max(1, len(seen) // 60)]
+    seen = seen[:: max(1, len(seen) // 60)]
     images = [read_image(folder.image(camera, i)) for i in seen]
     coarse, poses = zip(*(coarse_mask(folder, camera, i, image.shape[:2]) for i, image in zip(seen, images)))
-    still = len(seen) >= 3 and not masks.camera_moves(*(list(islice(v, 0, None, max(1, len(seen) // 12))) for v in (images, coarse)))
+    still = len(seen) >= 3 and not masks.camera_moves(
+        *(list(islice(v, 0, None, max(1, len(seen) // 12))) for v in (images, coarse))
+    )
     background = masks.Background(images, coarse, poses)
     if still:
         write_image(folder.plate(camera), background.image())

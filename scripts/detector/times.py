@@ -11,9 +11,9 @@ from failure import Failure
 
 @dataclass
 class Choice:
-    fps: float     # of the frames that are kept
-    frames: list   # per camera: indices into its time stamps, one per kept time
-    notes: list    # sentences for the user
+    fps: float  # of the frames that are kept
+    frames: list  # per camera: indices into its time stamps, one per kept time
+    notes: list  # sentences for the user
 
 
 def constant_rate(times):
@@ -46,8 +46,10 @@ def choose(names, times, fps=10.0, most=150, begin=None, end=None):
     first, last = max(begin or 0.0, 0.0), min(lengths + ([end] if end is not None else []))
     if first > last:
         shortest = names[int(np.argmin(lengths))]
-        raise Failure(f"nothing is left between --begin {first:g} and {last:g} s; the video of {shortest} has "
-                      f"{min(lengths):.2f} s")
+        raise Failure(
+            f"nothing is left between --begin {first:g} and {last:g} s; the video of {shortest} has "
+            f"{min(lengths):.2f} s"
+        )
     steps = [1 / r for r in map(mean_rate, times) if r > 0]
     if len(times) > 1 and max(lengths) - min(lengths) > 1.5 * max(steps, default=0) and (end is None or end > last):
         span = ", ".join(f"{n} {length:.2f} s" for n, length in zip(names, lengths))
@@ -66,22 +68,34 @@ def choose(names, times, fps=10.0, most=150, begin=None, end=None):
     rate = min([fps] + [mean_rate(t) for t in times if len(t) > 1])
     if (last - first) * rate + 1 > most:
         rate = (most - 1) / (last - first)
-    clock = first + np.arange(int(math.floor((last - first) * rate + slack)) + 1) / rate if rate > 0 else np.array([first])
+    clock = (
+        first + np.arange(int(math.floor((last - first) * rate + slack)) + 1) / rate
+        if rate > 0
+        else np.array([first])
+    )
     nearest = [nearest_frames(t, clock) for t in times]
     keep, used = [], [-1] * len(times)
     for k, now in enumerate(clock):
         found = [n[k] for n in nearest]
-        if any(f <= u for f, u in zip(found, used)) or any(abs(t[f] - now) > 0.5 / rate for t, f in zip(times, found)):
+        if any(f <= u for f, u in zip(found, used)) or any(
+            abs(t[f] - now) > 0.5 / rate for t, f in zip(times, found)
+        ):
             continue
         keep.append(found)
         used = found
     if len(keep) < len(clock):
-        notes.append(f"{len(clock) - len(keep)} of {len(clock)} times are left out, because a camera has a gap there")
+        notes.append(
+            f"{len(clock) - len(keep)} of {len(clock)} times are left out, because a camera has a gap there"
+        )
     return Choice(rate, [list(map(int, f)) for f in zip(*keep)], notes)
 
 
 def nearest_frames(times, clock):
-    after = np.clip(np.searchsorted(times, clock), 1, max(1, len(times) - 1)) if len(times) > 1 else np.zeros(len(clock), int)
+    after = (
+        np.clip(np.searchsorted(times, clock), 1, max(1, len(times) - 1))
+        if len(times) > 1
+        else np.zeros(len(clock), int)
+    )
     if len(times) == 1:
         return after
     before = after - 1

@@ -10,16 +10,17 @@ from concurrent.futures.process import BrokenProcessPool
 from failure import Failure
 from progress import Progress
 
-_done = None # in a worker: the counter that the main process shows
+_done = None  # in a worker: the counter that the main process shows
 
 
 def _start(done):
     global _done
     _done = done
-    os.environ["GLOG_minloglevel"] = "3" # MediaPipe's and TensorFlow Lite's remarks help nobody
+    os.environ["GLOG_minloglevel"] = "3"  # MediaPipe's and TensorFlow Lite's remarks help nobody
     os.environ["TF_CPP_MIN_LOG_LEVEL"] = "3"
     os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
     import cv2
+
     cv2.setNumThreads(1)
     cv2.setRNGSeed(1)
 
@@ -30,7 +31,7 @@ def frame_done(count=1):
 
 
 def run(title, jobs, function, tasks, frames):
-    """function(*task) for all tasks, in order of completion; `frames` is what all tasks together call frame_done for."""
+    """Calls function(*task) for all tasks, which together call frame_done for `frames` frames."""
     if not tasks:
         return
     context = multiprocessing.get_context("spawn")
@@ -45,8 +46,10 @@ def run(title, jobs, function, tasks, frames):
             for future in finished:
                 future.result()
     except BrokenProcessPool as error:
-        raise Failure(f"a process of the step '{title}' was ended by the system, perhaps for want of memory; the same command "
-                      "goes on from here; --jobs 1 takes less") from error
+        raise Failure(
+            f"a process of the step '{title}' was ended by the system, perhaps for want of memory; the same command "
+            "goes on from here; --jobs 1 takes less"
+        ) from error
     finally:
         with contextlib.suppress(Exception):
             pool.shutdown(wait=True, cancel_futures=True)

@@ -16,16 +16,16 @@ except ImportError:
 
 sys.dont_write_bytecode = True
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "scripts" / "detector"))
-import calibration # noqa: E402
-import folder # noqa: E402
-import sides # noqa: E402
-import times # noqa: E402
-from failure import Failure # noqa: E402
+import calibration  # noqa: E402
+import folder  # noqa: E402
+import sides  # noqa: E402
+import times  # noqa: E402
+from failure import Failure  # noqa: E402
 
 
 class Times(unittest.TestCase):
     def test_constant_rate_takes_every_nth_frame(self):
-        stamps = np.round(np.arange(300) / 59.94, 3) # milliseconds, as many containers store them
+        stamps = np.round(np.arange(300) / 59.94, 3)  # milliseconds, as many containers store them
         choice = times.choose(["a"], [stamps], fps=10)
         self.assertEqual(choice.frames, [list(range(0, 300, 6))])
         self.assertAlmostEqual(choice.fps, 9.99, places=2)
@@ -46,7 +46,9 @@ class Times(unittest.TestCase):
     def test_variable_rate_follows_the_time_stamps(self):
         stamps = np.concatenate([np.arange(20) * 0.1, 2 + np.arange(40) / 30])
         choice = times.choose(["a"], [stamps], fps=10)
-        self.assertLess(np.abs(stamps[choice.frames[0]] - np.arange(len(choice.frames[0])) / choice.fps).max(), 0.5 / 10)
+        self.assertLess(
+            np.abs(stamps[choice.frames[0]] - np.arange(len(choice.frames[0])) / choice.fps).max(), 0.5 / 10
+        )
         self.assertEqual(len(set(choice.frames[0])), len(choice.frames[0]))
 
     def test_cameras_of_other_rates_and_lengths_share_their_times(self):
@@ -71,7 +73,7 @@ class Times(unittest.TestCase):
 R = calibration.rodrigues(np.array([1.1, -0.3, 0.2]))
 T = np.array([0.1, -0.2, 3.0])
 K = np.array([[800.0, 0, 320], [0, 810, 240], [0, 0, 1]])
-UP = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]]) # a world whose z is up -> y is up
+UP = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])  # a world whose z is up -> y is up
 
 
 def look_at(centre, up=2):
@@ -107,8 +109,10 @@ class Calibrations(unittest.TestCase):
         vector = angle / (2 * np.sin(angle)) * np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
         np.testing.assert_allclose(calibration.rodrigues(vector), R, atol=1e-9)
         for t_file, note in ((t, "z is up"), (1000 * t, "millimetres")):
-            far = np.linalg.norm(t_file) # of a second camera
-            path = self.file("Calib.toml", f"""
+            far = np.linalg.norm(t_file)  # of a second camera
+            path = self.file(
+                "Calib.toml",
+                f"""
 [cam_01]
 name = "front"
 size = [640.0, 480.0]
@@ -127,7 +131,8 @@ translation = [0.0, 0.0, {far}]
 fisheye = false
 [metadata]
 adjusted = false
-""")
+""",
+            )
             try:
                 cameras, notes = calibration.read_calibration(path)
             except ImportError:
@@ -140,8 +145,11 @@ adjusted = false
 
     def test_opencv_yaml(self):
         R, t = look_at(np.array([1.0, 3.0, 1.0]))
-        block = lambda name, m: (f"{name}: !!opencv-matrix\n   rows: {m.shape[0]}\n   cols: {m.shape[1]}\n   dt: d\n   data: ["
-                                 + ", ".join(f"{v:.15e}" for v in m.ravel()) + "]\n")
+        block = lambda name, m: (
+            f"{name}: !!opencv-matrix\n   rows: {m.shape[0]}\n   cols: {m.shape[1]}\n   dt: d\n   data: ["
+            + ", ".join(f"{v:.15e}" for v in m.ravel())
+            + "]\n"
+        )
         head = '%YAML:1.0\n---\nnames:\n  - "01"\n'
         path = self.file("intri.yml", head + block("K_01", K) + block("dist_01", np.array([[0.1, 0, 0, 0, 0]])))
         with self.assertRaisesRegex(Failure, "extri.yml is missing"):
@@ -154,29 +162,44 @@ adjusted = false
     def test_qualisys(self):
         centre = np.array([3.0, -2.0, 1.5])
         R, t = look_at(centre)
-        theirs = np.diag([1, -1, -1]) @ R # x right, y up, z backward
+        theirs = np.diag([1, -1, -1]) @ R  # x right, y up, z backward
         numbers = " ".join(f'r{i + 1}{j + 1}="{theirs[i, j]}"' for i in range(3) for j in range(3))
-        path = self.file("Calib.qca.txt", f"""<?xml version='1.0'?><calibration><cameras>
+        path = self.file(
+            "Calib.qca.txt",
+            f"""<?xml version='1.0'?><calibration><cameras>
 <camera serial="cam01"><fov_video left="0" right="639" top="0" bottom="479"/>
 <transform x="{1000 * centre[0]}" y="{1000 * centre[1]}" z="{1000 * centre[2]}" {numbers}/>
 <intrinsic focalLengthU="{64 * 800}" focalLengthV="{64 * 810}" centerPointU="{64 * 320}" centerPointV="{64 * 240}"
- radialDistortion1="-6.4" radialDistortion2="0" radialDistortion3="0" tangentalDistortion1="0" tangentalDistortion2="0.64"
- skew="0"/></camera></cameras></calibration>""")
+ radialDistortion1="-6.4" radialDistortion2="0" radialDistortion3="0" tangentalDistortion1="0"
+ tangentalDistortion2="0.64" skew="0"/></camera></cameras></calibration>""",
+        )
         cameras, _ = calibration.read_calibration(path)
         self.assertEqual(cameras[0].size, (640, 480))
         np.testing.assert_allclose(cameras[0].distortion, [-0.1, 0, 0, 0.01, 0])
         self.check(cameras[0], R, t)
 
     def test_gsh(self):
-        camera = {"name": "a", "role": "train", "width": 640, "height": 480, "K": K.tolist(), "R": R.tolist(), "t": T.tolist()}
+        camera = {
+            "name": "a",
+            "role": "train",
+            "width": 640,
+            "height": 480,
+            "K": K.tolist(),
+            "R": R.tolist(),
+            "t": T.tolist(),
+        }
         cameras, notes = calibration.read_calibration(self.file("cameras.json", json.dumps({"cameras": [camera]})))
         np.testing.assert_array_equal(cameras[0].K, K)
         np.testing.assert_array_equal(cameras[0].R, R)
         self.assertEqual(notes, [])
 
     def test_errors(self):
-        for name, text, message in (("a.json", "{", "cannot be read"), ("a.toml", "[x]\ny=1", "holds no camera"),
-                                    ("a.txt", "hello", "unknown kind"), ("b.txt", "<a", "cannot be read")):
+        for name, text, message in (
+            ("a.json", "{", "cannot be read"),
+            ("a.toml", "[x]\ny=1", "holds no camera"),
+            ("a.txt", "hello", "unknown kind"),
+            ("b.txt", "<a", "cannot be read"),
+        ):
             with self.assertRaisesRegex(Failure, message):
                 calibration.read_calibration(self.file(name, text))
         with self.assertRaisesRegex(Failure, "no such"):
@@ -187,8 +210,10 @@ adjusted = false
 
     def test_names(self):
         cameras = [self.camera(n) for n in ("cam_01", "Cam_02", "cam_10")]
-        self.assertEqual([c.name for c in calibration.match_cameras(["cam1", "cam02", "CAM10"], cameras)],
-                         ["cam_01", "Cam_02", "cam_10"])
+        self.assertEqual(
+            [c.name for c in calibration.match_cameras(["cam1", "cam02", "CAM10"], cameras)],
+            ["cam_01", "Cam_02", "cam_10"],
+        )
         with self.assertRaisesRegex(Failure, "left is not in the calibration, which has cam_01, Cam_02, cam_10"):
             calibration.match_cameras(["left"], cameras)
 
@@ -199,7 +224,7 @@ adjusted = false
         self.assertEqual(scaled[0, 0], 400)
         self.assertEqual(scaled[0, 2], 160)
         self.assertRegex(note, "scaled")
-        kept, note = fit((1088, 1920), 1080, 1920) # a codec's padding
+        kept, note = fit((1088, 1920), 1080, 1920)  # a codec's padding
         self.assertEqual(kept[0, 2], 320)
         self.assertRegex(note, "padding")
         with self.assertRaisesRegex(Failure, "turned by 90 degrees"):
@@ -213,8 +238,13 @@ def walking(frames):
     people = []
     for i in range(frames):
         points = [[100 + (20 if j % 2 else 0) + i, 10 * j + 3 * np.sin(i), 0.9] for j in range(33)]
-        people.append({"mediapipe_pose": points, "mediapipe_world": [[float(j), 0, 0] for j in range(33)],
-                       "mediapipe_left_hand": [[1.0, 2.0, 0.8]] * 21})
+        people.append(
+            {
+                "mediapipe_pose": points,
+                "mediapipe_world": [[float(j), 0, 0] for j in range(33)],
+                "mediapipe_left_hand": [[1.0, 2.0, 0.8]] * 21,
+            }
+        )
     return people
 
 
@@ -250,7 +280,9 @@ class Files(unittest.TestCase):
     def test_keypoints(self):
         person = dict(walking(1)[0], sides_doubtful=["arms"])
         file = folder.keypoints_json([("a", 4, 5), ("b", 6, 7)], [[person, None], [None, person]], "mediapipe 1")
-        self.assertEqual([i["file_name"] for i in file["images"]], ["a/0000.png", "a/0001.png", "b/0000.png", "b/0001.png"])
+        self.assertEqual(
+            [i["file_name"] for i in file["images"]], ["a/0000.png", "a/0001.png", "b/0000.png", "b/0001.png"]
+        )
         self.assertEqual([a["image_id"] for a in file["annotations"]], [0, 3])
         self.assertEqual(file["images"][3]["width"], 6)
         self.assertNotIn("sides_doubtful", file["annotations"][0])
@@ -259,8 +291,13 @@ class Files(unittest.TestCase):
     def test_times_have_one_origin(self):
         class Source:
             path, fps = "a.mp4", 30.0
-        file = folder.video_json(10, [{"name": "a", "width": 4, "height": 5, "focal": 7.0}, {"name": "b", "width": 4, "height": 5}],
-                                 [Source(), Source()], [np.array([2.0, 2.1]), np.array([2.01, 2.11])])
+
+        file = folder.video_json(
+            10,
+            [{"name": "a", "width": 4, "height": 5, "focal": 7.0}, {"name": "b", "width": 4, "height": 5}],
+            [Source(), Source()],
+            [np.array([2.0, 2.1]), np.array([2.01, 2.11])],
+        )
         self.assertEqual(file["cameras"][0]["times"], [0, 0.1])
         self.assertEqual(file["cameras"][1]["times"], [0.01, 0.11])
         self.assertEqual(file["cameras"][0]["focal"], 7)
