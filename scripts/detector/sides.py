@@ -11,7 +11,9 @@ import numpy as np
 OTHER_SIDE = np.array([0, 4, 5, 6, 1, 2, 3, 8, 7, 10, 9] + [i + 1 if i % 2 else i - 1 for i in range(11, 33)])
 # Sides are confused for all limbs or for arms or legs alone: what goes together, and what shows it.
 GROUPS = {"arms": (range(0, 23), (11, 12, 13, 14, 15, 16)), "legs": (range(23, 33), (23, 24, 25, 26, 27, 28))}
-EXCHANGE = 0.01  # what an exchanged frame counts, in sizes of the person
+EXCHANGE = 0.01  # what an exchanged frame counts at least, in sizes of the person
+MOVING = 0.6  # and in usual movements from frame to frame: where limbs move far, jumps tell little
+OUTSIDE = 0.05  # and the first and the last frame more, since only one jump tells of them
 FARTHEST = 0.15  # limbs that move farther than this in one step count as this
 
 
@@ -36,13 +38,17 @@ def improbable(poses, limbs, doubtful):
         return []
     size = np.median([np.ptp(p, axis=0).max() for p in poses])
     ways = [np.stack([p[list(limbs)], p[OTHER_SIDE[list(limbs)]]]) / size for p in poses]  # as found, exchanged
+    # moves[k][a, b]: from way a of frame k to way b of the next
+    moves = [np.minimum(np.linalg.norm(a[:, None] - b[None], axis=-1), FARTHEST).mean(-1) for a, b in zip(ways, ways[1:])]
+    price = max(EXCHANGE, MOVING * float(np.median([m.min() for m in moves])))
     cost, came_from = np.zeros((len(poses), 2)), np.zeros((len(poses), 2), int)
-    for k, way in enumerate(ways):
-        if k:  # move[a, b]: from way a of the frame before to way b of this one
-            move = np.minimum(np.linalg.norm(ways[k - 1][:, None] - way[None], axis=-1), FARTHEST).mean(-1)
-            total = cost[k - 1][:, None] + move
+    for k in range(len(poses)):
+        if k:
+            total = cost[k - 1][:, None] + moves[k - 1]
             came_from[k], cost[k] = total.argmin(0), total.min(0)
-        cost[k, 1] += 0 if doubtful[k] else EXCHANGE
+        cost[k, 1] += 0 if doubtful[k] else price
+        if k in (0, len(poses) - 1):
+            cost[k, 1] += OUTSIDE
     way, found = int(cost[-1].argmin()), []
     for k in range(len(poses) - 1, -1, -1):
         if way:

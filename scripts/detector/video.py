@@ -13,7 +13,7 @@ import color
 from failure import Failure
 
 IMAGES = {".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp"}
-UNSPECIFIED, BT709, BT601, BT2020 = 2, 1, 5, 9  # colour matrices as FFmpeg and ITU-T H.273 number them
+BT709, BT601, BT2020 = 1, 5, 9  # colour matrices, numbered as in ITU-T H.273
 
 
 def convert_command(path, filters=""):

@@ -267,6 +267,14 @@ class Sides(unittest.TestCase):
         sides.exchange(people[5], "legs", sides.GROUPS["legs"][0])
         self.assertEqual(sides.exchange_sides(people), [5])
 
+    def test_a_turn_in_large_steps_stays(self):
+        for steps in (8, 10, 16, 40):
+            people = walking(steps)
+            for i, person in enumerate(people):
+                for j, point in enumerate(person["mediapipe_pose"]):
+                    point[0] = 100 + (40 if j % 2 else -40) * np.cos(2 * np.pi * i / steps)
+            self.assertEqual(sides.exchange_sides(people), [], steps)
+
     def test_what_is_plausible_stays(self):
         people = walking(20)
         people[3] = None
