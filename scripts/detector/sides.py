@@ -39,7 +39,8 @@ def improbable(poses, limbs, doubtful):
     size = np.median([np.ptp(p, axis=0).max() for p in poses])
     ways = [np.stack([p[list(limbs)], p[OTHER_SIDE[list(limbs)]]]) / size for p in poses]  # as found, exchanged
     # moves[k][a, b]: from way a of frame k to way b of the next
-    moves = [np.minimum(np.linalg.norm(a[:, None] - b[None], axis=-1), FARTHEST).mean(-1) for a, b in zip(ways, ways[1:])]
+    apart = [np.linalg.norm(a[:, None] - b[None], axis=-1) for a, b in zip(ways, ways[1:])]
+    moves = [np.minimum(a, FARTHEST).mean(-1) for a in apart]
     price = max(EXCHANGE, MOVING * float(np.median([m.min() for m in moves])))
     cost, came_from = np.zeros((len(poses), 2)), np.zeros((len(poses), 2), int)
     for k in range(len(poses)):
