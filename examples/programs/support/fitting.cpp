@@ -128,7 +128,7 @@ std::vector<std::string> advice_of(const Detections& detections, const MotionFit
         if (fit.time_offsets[c] != 0)
             advice.push_back(name + " took its images " + fixed(1e3 * std::abs(fit.time_offsets[c]), 0) + " ms " +
                              (fit.time_offsets[c] > 0 ? "later" : "earlier") +
-                             " than the others: detect again with --offset " + detections.cameras[c].name + "=" +
+                             " than the others: detect again with --late " + detections.cameras[c].name + "=" +
                              fixed(fit.time_offsets[c], 3));
     }
     if (!unseen.empty())

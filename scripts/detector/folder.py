@@ -1,0 +1,99 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The folder that is written: docs/detection.md describes it. Every file appears whole. Needs only NumPy."""
+
+import json
+import os
+from pathlib import Path
+
+
+class Folder:
+    def __init__(self, out):
+        self.out, self.work = Path(out), Path(out) / ".detect"
+
+    def image(self, camera, i):
+        return self.out / "images" / camera / f"{i:04d}.png"
+
+    def mask(self, camera, i):
+        return self.out / "masks" / camera / f"{i:04d}.png"
+
+    def plate(self, camera):
+        return self.out / "plates" / f"{camera}.png"
+
+    def look(self, camera, direction):
+        return self.work / f"{camera}.{direction}.pickle"
+
+    def person(self, camera, i):
+        return self.work / camera / f"{i:04d}.pickle"
+
+
+def write_whole(path, data):
+    """Bytes under a temporary name, which is then renamed: an interrupted run leaves no half file."""
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = path.with_name(f".{path.name}.{os.getpid()}")
+    temporary.write_bytes(data)
+    os.replace(temporary, path)
+
+
+def write_json(path, value, indent=None):
+    write_whole(path, (json.dumps(value, indent=indent, ensure_ascii=False) + "\n").encode())
+
+
+def flat(points):
+    """The numbers of all points in one list, as COCO stores them."""
+    return [number for point in points for number in point]
+
+
+def keypoints_json(cameras, people, detector):
+    """COCO's layout. `cameras`: (name, width, height); `people`: per camera and frame an annotation or None."""
+    images, annotations = [], []
+    for (name, width, height), frames in zip(cameras, people):
+        for i, person in enumerate(frames):
+            images.append({"id": len(images), "file_name": f"{name}/{i:04d}.png", "width": width, "height": height})
+            if person:
+                fields = {k: flat(v) for k, v in person.items() if k != "sides_doubtful"}
+                annotations.append(
+                    {"id": len(annotations), "image_id": images[-1]["id"], "category_id": 1, **fields}
+                )
+    return {
+        "info": {"detector": detector},
+        "images": images,
+        "annotations": annotations,
+        "categories": [{"id": 1, "name": "person"}],
+    }
+
+
+def video_json(fps, cameras, sources, times):
+    """`cameras`: dicts of name, width, height and perhaps focal; `times`: per camera, seconds in its own video."""
+    origin = min(t[0] for t in times)
+    return {
+        "fps": round(fps, 6),
+        "cameras": [
+            {
+                **camera,
+                "source": str(source.path),
+                "source_fps": source.fps,
+                "times": [round(float(t - origin), 6) for t in kept],
+            }
+            for camera, source, kept in zip(cameras, sources, times)
+        ],
+    }
+
+
+def cameras_json(fps, cameras):
+    """`cameras`: (name, width, height, K, R, t) of undistorted images."""
+    return {
+        "fps": round(fps, 6),
+        "cameras": [
+            {
+                "name": name,
+                "role": "train",
+                "width": width,
+                "height": height,
+                "K": K.tolist(),
+                "R": R.tolist(),
+                "t": t.tolist(),
+            }
+            for name, width, height, K, R, t in cameras
+        ],
+    }
