@@ -16,8 +16,8 @@ namespace gsh {
 /// Removes points that lie far from where the views before and after have them, in the views of one camera in the order
 /// of their frames. Far is more than five times the median distance of these neighbours from their own median, and more
 /// than a tenth of the person's height. Fast hands are no outliers: their neighbours lie far apart, too. Where most
-/// points of trunk and limbs jump, the detector was wrong about the whole person: then all points go, and the mask alone
-/// is left. Returns for each view whether that was so.
+/// points of trunk and limbs jump, the detector was wrong about the whole person: then all points go, and the mask
+/// alone is left. Returns for each view whether that was so.
 inline std::vector<bool> drop_jumping_points(const std::vector<ViewKeypoints*>& views) {
     std::vector<bool> dropped(views.size(), false);
     constexpr std::size_t around = 3; // views to each side

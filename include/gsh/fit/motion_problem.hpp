@@ -29,8 +29,8 @@ namespace gsh {
 ///
 ///     E = Σ_points c w / √V ρ(|r|²) + Σ_metric … + Σ_angles … + Σ_accelerations … + shape + focal length + height
 ///
-/// r = (x / z - ray_x, y / z - ray_y) depth / spread, with (x, y, z) the landmark in the camera, ray = (pixel - centre) /
-/// focal length, and depth that of the body when the descent began: the distance across the ray, in units by which
+/// r = (x / z - ray_x, y / z - ray_y) depth / spread, with (x, y, z) the landmark in the camera, ray = (pixel - centre)
+/// / focal length, and depth that of the body when the descent began: the distance across the ray, in units by which
 /// detections usually miss. ρ(s) = 2 (√(1 + s) - 1) is quadratic for small distances and linear for outliers. V is the
 /// number of photographs of the frame, because detections err alike in all views.
 ///

@@ -26,9 +26,9 @@ struct TimeOffset {
 
 /// The offset of each camera from the others, which explains best how far its keypoints lie before or behind moving
 /// landmarks: τ = -Σ (r - r̄) · (v - v̄) / Σ |v - v̄|², with r the distance of the landmark from the keypoint in the
-/// image and v its velocity there, both in metres at the body's depth, and r̄ and v̄ their means. The mean distance does
-/// not count, because a camera that points beside its calibration shifts a person who walks straight as a clock would.
-/// Distances of more than 6 cm do not count, either.
+/// image and v its velocity there, both in metres at the body's depth, and r̄ and v̄ their means. The mean distance
+/// does not count, because a camera that points beside its calibration shifts a person who walks straight as a clock
+/// would. Distances of more than 6 cm do not count, either.
 ///
 /// Shapes  views [T]; times [T]; the result has `camera_count` elements, whose weighted mean is zero.
 [[nodiscard]] inline std::vector<TimeOffset> time_offsets(const FittedBody& body, const MotionState& state,
