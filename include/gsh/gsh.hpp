@@ -181,6 +181,7 @@
 #include <gsh/fit/jumping_points.hpp>
 #include <gsh/fit/landmark_places.hpp>
 #include <gsh/fit/mask_view.hpp>
+#include <gsh/fit/mended_masks.hpp>
 #include <gsh/fit/motion_descent.hpp>
 #include <gsh/fit/motion_fit.hpp>
 #include <gsh/fit/motion_fitter.hpp>

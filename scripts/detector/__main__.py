@@ -139,7 +139,7 @@ def prepare(folder, options, sources):
     if folder.out.exists() and any(folder.out.iterdir()):
         if not file.exists():
             raise Failure(f"{folder.out} exists and is not of this program; name another folder")
-        for name in ("images", "masks", "plates", ".detect"):
+        for name in ("images", "masks", "masks_detected", "plates", ".detect"):
             shutil.rmtree(folder.out / name, ignore_errors=True)
         for name in ("keypoints.json", "video.json", "calibration.json"):
             (folder.out / name).unlink(missing_ok=True)

@@ -9,25 +9,33 @@
 #include <gsh/body/body_model.hpp>
 #include <gsh/body/motion.hpp>
 #include <gsh/body/moved_motion.hpp>
+#include <gsh/body/posed_body.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/fit/body_height.hpp>
 #include <gsh/fit/fit_motion.hpp>
+#include <gsh/fit/mended_masks.hpp>
+#include <gsh/fit/outlines.hpp>
 #include <gsh/fit/standing_world.hpp>
 #include <gsh/io/capture/camera_file.hpp>
 #include <gsh/io/capture/detections.hpp>
 #include <gsh/io/file/atomic_file.hpp>
+#include <gsh/io/image/image_file.hpp>
 #include <gsh/io/motion/motion_file.hpp>
 
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <filesystem>
 #include <string>
+#include <system_error>
 #include <utility>
 #include <vector>
 
 namespace gsh::examples {
 
 namespace {
+
+namespace fs = std::filesystem;
 
 /// The masks of a detector's folder, which the fit looks into.
 struct LoadedMasks {
@@ -51,6 +59,60 @@ struct LoadedMasks {
         return {mask.height, mask.width, mask.data.data(), 1};
     }
 };
+
+/// Masks that the fitted body mended.
+struct MendedMasks {
+    std::size_t cut = 0, filled = 0; ///< photographs in which more than 1% of the body's area changed
+};
+
+/// Writes the mended masks to masks/; the detector's go to masks_detected/, from which the next fit reads them.
+MendedMasks mend_masks(const fs::path& folder, const Detections& detections, LoadedMasks& masks, const BodyModel& model,
+                       const MotionFit& fit, const std::vector<Camera<double>>& cameras, const Motion& posed) {
+    MendedMasks result;
+    const FittedBody body(model, static_cast<int>(fit.state.betas.size()));
+    const OutlineSamples samples(model, body);
+    MaskMender mender(model, body, samples);
+    Progress shown("mending masks");
+    const std::size_t C = cameras.size(), T = posed.frame_count();
+    for (std::size_t c = 0; c < C; ++c)
+        for (std::size_t t = 0; t < T; ++t)
+            if (const MaskView mask = masks.at(c, t))
+                mender.watch(fit.state.frames[t], fit.state.betas, cameras[c], mask);
+    // The body is believed where it lies as near to the keypoints as it usually does.
+    std::vector<double> fits;
+    for (const double metres : fit.frame_fit)
+        if (std::isfinite(metres)) fits.push_back(metres);
+    const auto middle = fits.begin() + static_cast<std::ptrdiff_t>(fits.size() / 2);
+    std::nth_element(fits.begin(), middle, fits.end());
+    const auto believed = [&](std::size_t c, std::size_t t) {
+        return fit.frame_fit[t] < 1.5 * *middle &&
+               std::find(fit.left_out.begin(), fit.left_out.end(), std::pair(c, t)) == fit.left_out.end();
+    };
+    for (std::size_t c = 0; c < C; ++c) {
+        if (masks.images[c].empty()) continue;
+        const fs::path from = folder / "masks" / detections.cameras[c].name,
+                       kept = folder / "masks_detected" / detections.cameras[c].name;
+        std::error_code error;
+        if (!fs::exists(kept, error)) {
+            fs::create_directories(kept.parent_path());
+            fs::rename(from, kept);
+            fs::create_directories(from);
+        }
+        for (std::size_t t = 0; t < T; ++t) {
+            PixelImage& mask = masks.images[c][t];
+            const bool shows = std::any_of(mask.data.begin(), mask.data.end(), [](std::uint8_t v) { return v >= 128; });
+            if (shows && believed(c, t)) { // an empty mask leaves the photograph out
+                const PosedBody body_at = pose_body(model, posed.pose_at(t), posed.transl[t], posed.betas);
+                const MaskChange change = mender.mend(fit.state.frames[t], fit.state.betas, cameras[c],
+                                                      Span<const vec3<double>>(body_at.vertices), mask.data);
+                result.cut += change.removed > 0.01, result.filled += change.filled > 0.01;
+            }
+            write_png(from / detections.masks[c][t].filename(), mask);
+            shown.show(static_cast<double>(c * T + t + 1) / static_cast<double>(C * T), "");
+        }
+    }
+    return result;
+}
 
 /// The largest person of each photograph.
 std::vector<PersonPhoto> photos_of(const Detections& detections, const LoadedMasks& masks) {
@@ -111,7 +173,8 @@ Json report_of(const Detections& detections, const MotionFit& fit, double height
 
 /// What the user should know, worst first.
 std::vector<std::string> advice_of(const Detections& detections, const MotionFit& fit,
-                                   const std::vector<std::size_t>& unseen, const FitOptions& options) {
+                                   const std::vector<std::size_t>& unseen, const FitOptions& options,
+                                   const MendedMasks& mended) {
     std::vector<std::string> advice;
     for (std::size_t c = 0; c < detections.cameras.size(); ++c) {
         const std::string name = "camera '" + detections.cameras[c].name + "'";
@@ -145,6 +208,12 @@ std::vector<std::string> advice_of(const Detections& detections, const MotionFit
     if (!fit.swapped.empty())
         advice.push_back("left and right were swapped in " + std::to_string(fit.swapped.size()) +
                          " photographs, and are swapped back");
+    if (mended.cut > 0)
+        advice.push_back("masks held things beside the person in " + std::to_string(mended.cut) +
+                         " photographs, which are cut off");
+    if (mended.filled > 0)
+        advice.push_back("masks lacked parts of the body in " + std::to_string(mended.filled) +
+                         " photographs, which are filled in");
     if (detections.cameras.size() == 1 && !fit.held)
         advice.push_back("one camera sees no depth: film one slow turn in one pose for arms and legs in their place");
     if (detections.cameras.size() == 1 && !options.height && !detections.calibrated)
@@ -164,7 +233,7 @@ std::vector<std::string> fit_capture(const FitOptions& options, const std::vecto
     if (options.focal)
         detections.cameras[0].camera.fx = detections.cameras[0].camera.fy = *options.focal,
         detections.known_focal[0] = true;
-    const LoadedMasks masks(detections);
+    LoadedMasks masks(detections);
     const std::vector<PersonPhoto> photos = photos_of(detections, masks);
     check_value(!photos.empty(), options.detections.string(),
                 "nobody was found in any photograph; look at the pictures, and at the detector's messages");
@@ -189,11 +258,14 @@ std::vector<std::string> fit_capture(const FitOptions& options, const std::vecto
 
     CameraList list;
     list.cameras = detections.cameras;
+    std::vector<Camera<double>> seen_by; // with what the fit found
     for (std::size_t c = 0; c < C; ++c) {
         Camera<double>& camera = list.cameras[c].camera;
         camera.fx *= fit.focal, camera.fy *= fit.focal;
         camera.cx += fit.shifts[c].x, camera.cy += fit.shifts[c].y;
+        seen_by.push_back(camera);
     }
+    const MendedMasks mended = mend_masks(options.detections, detections, masks, body, fit, seen_by, fit.motion);
     if (!detections.calibrated) { // the world is the camera's: make it one to stand in
         const Affine<double> standing = standing_world(body, {fit.motion});
         for (std::size_t t = 0; t < T; ++t) move_frame(body, fit.motion, t, standing);
@@ -208,7 +280,7 @@ std::vector<std::string> fit_capture(const FitOptions& options, const std::vecto
     save_motion(options.detections / "poses.npz", fit.motion);
     write_cameras(options.detections / "cameras.json", list);
     write_file(options.detections / "fit.json", report_of(detections, fit, height, unseen).dump(1) + "\n");
-    std::vector<std::string> advice = advice_of(detections, fit, unseen, options);
+    std::vector<std::string> advice = advice_of(detections, fit, unseen, options, mended);
     for (const auto& path : to) write_motion(path, fit.motion, body, advice);
     return advice;
 }

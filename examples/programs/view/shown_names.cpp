@@ -91,7 +91,7 @@ std::string page_error(const std::string& message, const std::string& name) {
                                       [&](std::string_view known) { return gsh::detail::is_word(ending, known); });
     const std::string words = page_words(message);
     const bool is_of_format = !is_known || words.find("expected an .npz archive") != std::string::npos ||
-                              words.find("not an .npz (zip) archive") != std::string::npos;
+                              words.find("not an .npz archive") != std::string::npos;
     return is_of_format ? words + ". " + accepted() : words;
 }
 

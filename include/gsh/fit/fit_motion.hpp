@@ -213,6 +213,7 @@ inline MotionFit fit_motion(const BodyModel& body, const std::vector<Camera<doub
     std::sort(fit.swapped.begin(), fit.swapped.end());
     fit.focal = std::exp(state.log_focal);
     fit.motion = detail::motion_of(body, fitted, state, times);
+    fit.state = std::move(state);
     return fit;
 }
 

@@ -6,6 +6,7 @@
 #include <gsh/body/landmarks.hpp>
 #include <gsh/body/motion.hpp>
 #include <gsh/fit/mask_view.hpp>
+#include <gsh/fit/motion_state.hpp>
 #include <gsh/fit/turn.hpp>
 #include <gsh/math/vec.hpp>
 
@@ -42,9 +43,10 @@ struct KeypointFit {
 
 struct MotionFit {
     Motion motion;
-    double focal = 1;                    ///< factor on the focal lengths
-    Turn turn;                           ///< how far the person turns
-    bool held = false;                   ///< whether the pose was held alike, as that of a person who turns in place
+    MotionState state; ///< the same as numbers of a FittedBody with the same number of shape coefficients
+    double focal = 1;  ///< factor on the focal lengths
+    Turn turn;         ///< how far the person turns
+    bool held = false; ///< whether the pose was held alike, as that of a person who turns in place
     std::vector<double> time_offsets;    // [cameras] seconds by which photographs are later than their time stamps
     std::vector<vec2<double>> shifts;    // [cameras] pixels by which principal points had to move, mostly none
     std::vector<KeypointFit> camera_fit; // [cameras]

@@ -110,7 +110,7 @@ public:
             constexpr int rounds = 3;
             terms_.outline = 80;
             for (int round = 0; round < rounds; ++round) {
-                find_outlines(fit, samples, round == 0 ? 0.06 : 0.04);
+                find_outlines(fit, samples, round == 0 ? 0.10 : 0.06);
                 terms_.fingers = round + 1 == rounds;
                 descend(problem_, state_, terms_, terms_.fingers ? 10 : 4, terms_.fingers ? 3e-4 : 1e-3);
                 done(0.6 + 0.4 * round / rounds);
@@ -187,7 +187,7 @@ private:
     }
 
     /// Moves the principal points of cameras that point beside their calibration: of three or more cameras, those whose
-    /// keypoints lie beside the body by more than 0.4% of the image, which is more than detectors err on average.
+    /// keypoints lie beside the body by more than 0.5% of the image, which is more than detectors err on average.
     void find_shifts(MotionFit& fit) {
         if (camera_count_ < 3) return;
         for (int pass = 0; pass < 4; ++pass) {
@@ -201,7 +201,7 @@ private:
                         if (view.camera_number == c) of_camera.push_back(&view);
                 if (of_camera.empty()) continue;
                 const double longer = std::max(of_camera[0]->camera.width, of_camera[0]->camera.height);
-                constexpr double least = 0.004, most = 0.03; // of the longer side
+                constexpr double least = 0.005, most = 0.03; // of the longer side
                 const double size = std::hypot(next.x, next.y);
                 if (size < least * longer || size > most * longer) continue;
                 for (ViewKeypoints* view : of_camera)

@@ -13,10 +13,20 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <optional>
 #include <utility>
 #include <vector>
 
 namespace gsh {
+
+/// A point of a posed body's surface that lies on its outline in a view.
+struct RimPoint {
+    std::size_t sample = 0;   ///< of OutlineSamples
+    vec3<double> position{0}; ///< in the world
+    vec2<double> pixel{0};
+    vec2<double> normal{0}; ///< of the outline in the image, outwards
+    double pixels_per_metre = 0;
+};
 
 /// A point of the body's outline that should lie on a line of the photograph.
 struct OutlinePoint {
@@ -76,12 +86,14 @@ public:
         return Span<const vec3<double>>(relative_).subspan(sample * S, S);
     }
 
-    /// Points of the outline of a posed body that have the mask's outline before or behind them, at most `reach` metres
-    /// away. Outlines inside of the mask, as that of an arm before the trunk, have none.
-    [[nodiscard]] std::vector<OutlinePoint> find(const FittedBody& body, const FrameNumbers& numbers,
-                                                 Span<const double> betas, const Camera<double>& camera, double focal,
-                                                 const MaskView& mask, double reach) const {
-        const FrameKinematics kinematics(body, numbers, betas);
+    [[nodiscard]] std::size_t size() const { return samples_.size(); }
+    /// A sample's place on the body at rest.
+    [[nodiscard]] const vec3<double>& rest(std::size_t sample) const { return samples_[sample].rest; }
+
+    /// The samples on the outline of a posed body, also where it lies before or behind other parts of the body.
+    [[nodiscard]] std::vector<RimPoint> rim(const FittedBody& body, const FrameKinematics& kinematics,
+                                            Span<const double> betas, const Camera<double>& camera,
+                                            double focal) const {
         const std::size_t J = body.parents.size(), S = static_cast<std::size_t>(body.shape_count);
         std::vector<vec3<double>> rest(J);
         for (std::size_t j = 0; j < J; ++j) {
@@ -89,7 +101,7 @@ public:
             for (std::size_t k = 0; k < S; ++k) rest[j] += body.directions[j * S + k] * betas[k];
         }
         const vec3<double> eye = camera.center();
-        std::vector<OutlinePoint> result;
+        std::vector<RimPoint> result;
         for (std::size_t i = 0; i < samples_.size(); ++i) {
             const Sample& sample = samples_[i];
             vec3<double> shaped = sample.rest;
@@ -101,33 +113,58 @@ public:
                 posed += kinematics.point(j, shaped - rest[j]) * weight;
                 normal += kinematics.rotation(j) * sample.normal * weight;
             }
-            const vec3<double> sight = normalize(posed - eye);
             normal = normalize(normal);
-            if (std::abs(dot(sight, normal)) > 0.12) continue;
+            constexpr double grazing = 0.12; // sine of the angle between sight and surface
+            if (std::abs(dot(normalize(posed - eye), normal)) > grazing) continue;
             const vec3<double> x = to_camera(camera, posed), n = camera.R * normal;
             if (x.z < 0.1) continue;
-            const vec2<double> pixel{focal * camera.fx * x.x / x.z + camera.cx,
-                                     focal * camera.fy * x.y / x.z + camera.cy};
-            vec2<double> across{n.x - x.x / x.z * n.z, n.y - x.y / x.z * n.z};
+            const vec2<double> across{n.x - x.x / x.z * n.z, n.y - x.y / x.z * n.z};
             const double size = std::hypot(across.x, across.y);
             if (size < 0.5) continue;
-            across = across * (1 / size);
-            const int steps = std::max(2, static_cast<int>(std::ceil(reach * focal * camera.fx / x.z)));
-            double nearest = 1e9;
-            double before = mask.at(pixel.x - across.x * steps, pixel.y - across.y * steps);
-            for (int k = 1 - steps; k <= steps; ++k) {
-                const double here = mask.at(pixel.x + across.x * k, pixel.y + across.y * k);
-                if (before >= 0.5 && here < 0.5) {
-                    const double place = k - 1 + (before - 0.5) / (before - here);
-                    if (std::abs(place) < std::abs(nearest)) nearest = place;
-                }
-                before = here;
+            result.push_back({i,
+                              posed,
+                              {focal * camera.fx * x.x / x.z + camera.cx, focal * camera.fy * x.y / x.z + camera.cy},
+                              across * (1 / size),
+                              focal * camera.fx / x.z});
+        }
+        return result;
+    }
+
+    /// How far the mask's outline lies outside of a point of the body's, in pixels along the normal: the nearest place
+    /// within `reach` metres where the mask ends. No value if there is none, as for an arm before the trunk.
+    [[nodiscard]] static std::optional<double> mask_distance(const RimPoint& point, const MaskView& mask,
+                                                             double reach) {
+        const auto at = [&](int step) {
+            return mask.at(point.pixel.x + point.normal.x * step, point.pixel.y + point.normal.y * step);
+        };
+        const int steps = std::max(2, static_cast<int>(std::ceil(reach * point.pixels_per_metre)));
+        std::optional<double> nearest;
+        double before = at(-steps);
+        for (int k = 1 - steps; k <= steps; ++k) {
+            const double here = at(k);
+            if (before >= 0.5 && here < 0.5) {
+                const double place = k - 1 + (before - 0.5) / (before - here);
+                if (!nearest || std::abs(place) < std::abs(*nearest)) nearest = place;
             }
-            if (nearest > 1e8) continue;
-            const auto joint = static_cast<std::size_t>(sample.bones[0].joint);
-            result.push_back({sample.bones[0].joint,
-                              transposed_times(kinematics.rotation(joint), posed - kinematics.joint(joint)), i, across,
-                              pixel + across * nearest});
+            before = here;
+        }
+        return nearest;
+    }
+
+    /// Points of the outline of a posed body that have the mask's outline before or behind them, at most `reach` metres
+    /// away.
+    [[nodiscard]] std::vector<OutlinePoint> find(const FittedBody& body, const FrameNumbers& numbers,
+                                                 Span<const double> betas, const Camera<double>& camera, double focal,
+                                                 const MaskView& mask, double reach) const {
+        const FrameKinematics kinematics(body, numbers, betas);
+        std::vector<OutlinePoint> result;
+        for (const RimPoint& point : rim(body, kinematics, betas, camera, focal)) {
+            const std::optional<double> distance = mask_distance(point, mask, reach);
+            if (!distance) continue;
+            const int joint = samples_[point.sample].bones[0].joint;
+            const auto j = static_cast<std::size_t>(joint);
+            result.push_back({joint, transposed_times(kinematics.rotation(j), point.position - kinematics.joint(j)),
+                              point.sample, point.normal, point.pixel + point.normal * *distance});
         }
         return result;
     }

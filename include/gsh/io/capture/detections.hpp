@@ -38,7 +38,8 @@ struct Detections {
 ///
 ///     FOLDER/video.json        cameras: a list of name, width, height, times (seconds), and focal (pixels) if known
 ///     FOLDER/keypoints.json    COCO-WholeBody or MediaPipe; or a folder keypoints/ of OpenPose
-///     FOLDER/masks/CAMERA/     a mask for each frame, optional
+///     FOLDER/masks/CAMERA/     a mask for each frame, optional; FOLDER/masks_detected/CAMERA/ is read instead where
+///                              masks/ holds those that a fit has mended
 ///     FOLDER/calibration.json  cameras as those of a capture, optional for a single camera
 ///
 /// The times of all cameras must be the same within half a frame; those of the first camera count. Without a
@@ -168,7 +169,10 @@ inline Detections load_detections(const std::filesystem::path& folder) {
         keypoints = folder / "keypoints";
     result.keypoints = load_keypoints(keypoints, result.cameras, T);
     for (const NamedCamera& camera : result.cameras)
-        result.masks.push_back(detail::mask_files(folder / "masks" / camera.name, T));
+        result.masks.push_back(detail::mask_files(
+            folder / (fs::is_directory(folder / "masks_detected" / camera.name, error) ? "masks_detected" : "masks") /
+                camera.name,
+            T));
     return result;
 }
 

@@ -1,0 +1,156 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  Masks of a fitted person, without what is not the person, and with limbs that they lacked.
+#pragma once
+
+#include <gsh/backend/serial.hpp>
+#include <gsh/body/body_model.hpp>
+#include <gsh/body/nearest_points.hpp>
+#include <gsh/camera/pinhole.hpp>
+#include <gsh/core/span.hpp>
+#include <gsh/fit/frame_kinematics.hpp>
+#include <gsh/fit/mask_view.hpp>
+#include <gsh/fit/outlines.hpp>
+#include <gsh/math/vec.hpp>
+#include <gsh/prior/mesh_rasterizer.hpp>
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <utility>
+#include <vector>
+
+namespace gsh {
+
+/// What mending changed in a mask, as shares of the body's area in it.
+struct MaskChange {
+    double removed = 0; ///< of the person's surroundings that the mask held
+    double filled = 0;  ///< of the body that it lacked
+};
+
+/// Mends masks by the fitted body.
+///
+/// Clothes and hair stand off the body by about the same distance at the same place of it in all photographs; a thing
+/// in the background, a shadow or another person touches the mask in some. For each point of the surface, the distances
+/// of the masks' outlines from it are collected over all photographs in which it lies on the outline, together with
+/// those of its neighbours, about a hand's breadth around. The distance that three of ten stay below, and 3 cm more, is
+/// how far a mask may reach there; beyond, it is not believed. Inside of the body, by more than 2.5 cm, a mask that
+/// says background is not believed, either.
+class MaskMender {
+public:
+    MaskMender(const BodyModel& model, const FittedBody& body, const OutlineSamples& samples)
+        : model_(&model), body_(&body), samples_(&samples), seen_(samples.size()) {}
+
+    /// Collects the distances of one photograph's mask.
+    void watch(const FrameNumbers& numbers, Span<const double> betas, const Camera<double>& camera,
+               const MaskView& mask) {
+        const FrameKinematics kinematics(*body_, numbers, betas);
+        for (const RimPoint& point : samples_->rim(*body_, kinematics, betas, camera, 1))
+            if (const auto distance = OutlineSamples::mask_distance(point, mask, reach))
+                seen_[point.sample].push_back(*distance / point.pixels_per_metre);
+        reaches_.clear();
+    }
+
+    /// Changes the mask of a photograph, one byte a pixel. `vertices` is the posed mesh in the world. Nothing is cut off
+    /// where the mask also lacks more than 3% of the body: then the body may be in the wrong place.
+    MaskChange mend(const FrameNumbers& numbers, Span<const double> betas, const Camera<double>& camera,
+                    Span<const vec3<double>> vertices, Span<std::uint8_t> mask) {
+        if (reaches_.empty()) decide();
+        cpu::Serial backend;
+        const MeshImage image = rasterize_mesh(backend, vertices, model_->faces, camera);
+        const int width = image.width, height = image.height;
+        check_size("MaskMender::mend", "mask", mask.size(), image.size(), "one byte a pixel");
+        std::vector<std::uint8_t> allowed(image.size(), 0), outside(image.size(), 0);
+        const auto stamp = [&](std::vector<std::uint8_t>& on, double x, double y, double radius) {
+            for (int v = std::max(0, static_cast<int>(y - radius));
+                 v <= std::min(height - 1, static_cast<int>(y + radius)); ++v)
+                for (int u = std::max(0, static_cast<int>(x - radius));
+                     u <= std::min(width - 1, static_cast<int>(x + radius)); ++u) {
+                    const double dx = u + 0.5 - x, dy = v + 0.5 - y;
+                    if (dx * dx + dy * dy <= radius * radius)
+                        on[static_cast<std::size_t>(v) * static_cast<std::size_t>(width) +
+                           static_cast<std::size_t>(u)] = 1;
+                }
+        };
+        // The surroundings of the silhouette: what is near its border on both sides.
+        double pixels_per_metre = 0, count = 0;
+        const FrameKinematics kinematics(*body_, numbers, betas);
+        const std::vector<RimPoint> rim = samples_->rim(*body_, kinematics, betas, camera, 1);
+        for (const RimPoint& point : rim) pixels_per_metre += point.pixels_per_metre, count += 1;
+        MaskChange change;
+        if (count == 0) return change;
+        pixels_per_metre /= count;
+        std::size_t area = 0;
+        for (int y = 0; y < height; ++y)
+            for (int x = 0; x < width; ++x) {
+                const std::size_t i =
+                    static_cast<std::size_t>(y) * static_cast<std::size_t>(width) + static_cast<std::size_t>(x);
+                if (!image.covers(i)) continue;
+                ++area, allowed[i] = 1;
+                const auto bare = [&](int u, int v) {
+                    return u >= 0 && v >= 0 && u < width && v < height &&
+                           !image.covers(static_cast<std::size_t>(v) * static_cast<std::size_t>(width) +
+                                         static_cast<std::size_t>(u));
+                };
+                if (!bare(x - 1, y) && !bare(x + 1, y) && !bare(x, y - 1) && !bare(x, y + 1)) continue;
+                stamp(allowed, x + 0.5, y + 0.5, least_reach * pixels_per_metre);
+                stamp(outside, x + 0.5, y + 0.5, inside_margin * pixels_per_metre);
+            }
+        for (const RimPoint& point : rim)
+            if (reaches_[point.sample] > least_reach)
+                stamp(allowed, point.pixel.x, point.pixel.y, reaches_[point.sample] * point.pixels_per_metre);
+        std::size_t lacking = 0; // pixels of the body where the mask has nobody
+        for (std::size_t i = 0; i < mask.size(); ++i) lacking += image.covers(i) && mask[i] < 128;
+        constexpr double most_lacking = 0.03;
+        const bool fits = static_cast<double>(lacking) <= most_lacking * static_cast<double>(area);
+        for (std::size_t i = 0; i < mask.size(); ++i) {
+            if (!allowed[i] && fits) {
+                change.removed += mask[i] / 255.0;
+                mask[i] = 0;
+            } else if (image.covers(i) && !outside[i] && mask[i] < 255) {
+                change.filled += 1 - mask[i] / 255.0;
+                mask[i] = 255;
+            }
+        }
+        change.removed /= static_cast<double>(std::max<std::size_t>(1, area));
+        change.filled /= static_cast<double>(std::max<std::size_t>(1, area));
+        return change;
+    }
+
+    /// How far clothes or hair stand off the body at a sample, metres, with the margin.
+    [[nodiscard]] double reach_of(std::size_t sample) {
+        if (reaches_.empty()) decide();
+        return reaches_[sample];
+    }
+
+private:
+    static constexpr double reach = 0.3;           // metres, within which an outline is looked for
+    static constexpr double least_reach = 0.03;    // metres: the fit errs by a centimetre or two
+    static constexpr double inside_margin = 0.025; // metres
+
+    const BodyModel* model_;
+    const FittedBody* body_;
+    const OutlineSamples* samples_;
+    std::vector<std::vector<double>> seen_; // [samples] metres, outwards
+    std::vector<double> reaches_;           // [samples], or none before decide
+
+    void decide() {
+        std::vector<vec3<double>> places;
+        for (std::size_t i = 0; i < samples_->size(); ++i) places.push_back(samples_->rest(i));
+        const NearestPoints nearest(places);
+        reaches_.assign(samples_->size(), least_reach);
+        constexpr std::size_t neighbours = 60, fewest = 8;
+        for (std::size_t i = 0; i < places.size(); ++i) {
+            std::vector<double> distances;
+            for (const auto& [squared, other] : nearest.nearest(places[i], neighbours))
+                distances.insert(distances.end(), seen_[other].begin(), seen_[other].end());
+            if (distances.size() < fewest) continue;
+            const auto rank = distances.begin() + static_cast<std::ptrdiff_t>(distances.size() * 3 / 10);
+            std::nth_element(distances.begin(), rank, distances.end());
+            reaches_[i] = std::max(least_reach, *rank + least_reach);
+        }
+    }
+};
+
+} // namespace gsh
