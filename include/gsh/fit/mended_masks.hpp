@@ -52,8 +52,8 @@ public:
         reaches_.clear();
     }
 
-    /// Changes the mask of a photograph, one byte a pixel. `vertices` is the posed mesh in the world. Nothing is cut off
-    /// where the mask also lacks more than 3% of the body: then the body may be in the wrong place.
+    /// Changes the mask of a photograph, one byte a pixel. `vertices` is the posed mesh in the world. Nothing is cut
+    /// off where the mask also lacks more than 3% of the body: then the body may be in the wrong place.
     MaskChange mend(const FrameNumbers& numbers, Span<const double> betas, const Camera<double>& camera,
                     Span<const vec3<double>> vertices, Span<std::uint8_t> mask) {
         if (reaches_.empty()) decide();
