@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 /// @file  gsh-fit: fits a body's motion and shape to what a detector found in a video, and so makes it a capture.
 
+#include "support/fit_command.hpp"
 #include "support/fitting.hpp"
 #include "support/messages.hpp"
 #include "support/program.hpp"
@@ -21,19 +22,9 @@ int main(int argc, char** argv) {
                    "folder that scripts/detect wrote: video.json, keypoints.json, masks/, and calibration.json for "
                    "several cameras")
         ->required();
-    app.add_option("--body", options.body, "BODY.npz: with the joints of SMPL-X (gsh-body makes one)")->required();
-    app.add_option("--height", options.height, "height of the person, metres; one camera cannot see it")
-        ->check(CLI::Range(0.3, 3.0));
-    app.add_option("--focal", options.focal,
-                   "focal length of a single camera in pixels of its images (default: of the metadata, else learned)")
-        ->check(above_zero());
-    app.add_option("--turn", options.turn,
-                   "yes: the person turns in place in one pose; no: not; auto (default): found by itself")
-        ->check(CLI::IsMember({"auto", "yes", "no"}));
+    add_fit(app, options);
     app.add_option("--betas", options.betas, "shape coefficients to fit (default: those of the body, at most 30)")
         ->check(CLI::Range(1, 400));
-    app.add_option("--test-every", options.test_every, "leave one in so many frames out of training, to judge by it")
-        ->check(CLI::Range(2, 1000));
     app.add_option("--to", to, "also write the motion alone: OUT.bvh, OUT.glb or OUT.npz, any number of times");
     return run_program(app, argc, argv, [&] {
         for (const std::string& sentence : fit_capture(options, to)) std::printf("note: %s\n", sentence.c_str());

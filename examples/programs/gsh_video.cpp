@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 /// @file  gsh-video: from a video to an avatar: detects, fits, checks and reconstructs, each stage's files kept.
 
+#include "support/fit_command.hpp"
 #include "support/fitting.hpp"
 #include "support/messages.hpp"
 #include "support/program.hpp"
@@ -8,8 +9,8 @@
 #include "support/video_report.hpp"
 
 #include <gsh/core/error.hpp>
-#include <gsh/io/file/atomic_file.hpp>
 
+#include <csignal>
 #include <cstddef>
 #include <cstdio>
 #include <cstdlib>
@@ -75,8 +76,7 @@ int make(VideoOptions options) {
     for (const std::string& note : notes) std::printf("note: %s\n", note.c_str());
 
     stage("checking the capture",
-          {programs + "gsh-check", capture.string(), "--body", options.fit.body.string(), "--out",
-           check.string()},
+          {programs + "gsh-check", capture.string(), "--body", options.fit.body.string(), "--out", check.string()},
           {0, 1}); // doubts are no errors
 
     std::vector<std::string> reconstruct{programs + "gsh-reconstruct",
@@ -90,7 +90,7 @@ int make(VideoOptions options) {
                                          "--keypoints",
                                          (capture / "keypoints.json").string()};
     std::error_code error;
-    if (fs::exists(avatar / "checkpoint.npz", error)) reconstruct.push_back("--resume");
+    if (fs::exists(avatar / "checkpoint.gsh", error)) reconstruct.push_back("--resume");
     if (options.steps > 0) reconstruct.insert(reconstruct.end(), {"--steps", std::to_string(options.steps)});
     if (options.preview) reconstruct.insert(reconstruct.end(), {"--gaussians", "30000"});
     if (options.threads > 0) reconstruct.insert(reconstruct.end(), {"--threads", std::to_string(options.threads)});
@@ -110,22 +110,12 @@ int main(int argc, char** argv) {
                  "gsh-video");
     app.add_option("videos", options.videos, "a video, or one of each camera; or folders of images")->required();
     app.add_option("--out", options.out, "folder for capture/, check/, avatar/ and report.html")->required();
-    app.add_option("--body", options.fit.body, "BODY.npz: with the joints of SMPL-X (gsh-body makes one)")->required();
-    app.add_option("--height", options.fit.height, "height of the person, metres; one camera cannot see it")
-        ->check(CLI::Range(0.3, 3.0));
+    add_fit(app, options.fit);
     app.add_option("--calibration", options.calibration, "cameras of several videos: any file that the detector reads");
-    app.add_option("--focal", options.fit.focal, "focal length of a single camera in pixels of the images of --size")
-        ->check(above_zero());
-    app.add_option("--turn", options.fit.turn,
-                   "yes, no or auto (default): whether the person turns in place in one pose")
-        ->check(CLI::IsMember({"auto", "yes", "no"}));
     app.add_option("--fps", options.fps, "images per second that are taken from the video (default 10)")
         ->check(above_zero());
     app.add_option("--size", options.size, "longer side of the images, pixels (default 540)")
         ->check(CLI::Range(64, 8192));
-    app.add_option("--test-every", options.fit.test_every,
-                   "leave one in so many frames out of training, to judge by it")
-        ->check(CLI::Range(2, 1000));
     app.add_option("--steps", options.steps, "training steps (default: those of gsh-reconstruct)");
     app.add_flag("--preview", options.preview, "a rough avatar in a third of the time: 400 steps, 30,000 Gaussians");
     app.add_option("--detector", options.detector,

@@ -67,8 +67,4 @@ inline std::vector<PersonPhoto> seen(const BodyModel& body, const Motion& motion
     return photos;
 }
 
-inline std::vector<double> times_of(const Motion& motion) {
-    return motion.timestamps;
-}
-
 } // namespace gsh::test

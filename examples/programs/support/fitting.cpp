@@ -21,6 +21,7 @@
 #include <gsh/io/file/atomic_file.hpp>
 #include <gsh/io/image/image_file.hpp>
 #include <gsh/io/motion/motion_file.hpp>
+#include <gsh/math/spread.hpp>
 
 #include <algorithm>
 #include <cmath>
@@ -67,8 +68,9 @@ struct MendedMasks {
 
 /// Writes the mended masks to masks/; the detector's go to masks_detected/, from which the next fit reads them.
 MendedMasks mend_masks(const fs::path& folder, const Detections& detections, LoadedMasks& masks, const BodyModel& model,
-                       const MotionFit& fit, const std::vector<Camera<double>>& cameras, const Motion& posed) {
+                       const MotionFit& fit, const std::vector<Camera<double>>& cameras) {
     MendedMasks result;
+    const Motion& posed = fit.motion;
     const FittedBody body(model, static_cast<int>(fit.state.betas.size()));
     const OutlineSamples samples(model, body);
     MaskMender mender(model, body, samples);
@@ -82,10 +84,9 @@ MendedMasks mend_masks(const fs::path& folder, const Detections& detections, Loa
     std::vector<double> fits;
     for (const double metres : fit.frame_fit)
         if (std::isfinite(metres)) fits.push_back(metres);
-    const auto middle = fits.begin() + static_cast<std::ptrdiff_t>(fits.size() / 2);
-    std::nth_element(fits.begin(), middle, fits.end());
+    const double usual = median(fits);
     const auto believed = [&](std::size_t c, std::size_t t) {
-        return fit.frame_fit[t] < 1.5 * *middle &&
+        return fit.frame_fit[t] < 1.5 * usual &&
                std::find(fit.left_out.begin(), fit.left_out.end(), std::pair(c, t)) == fit.left_out.end();
     };
     for (std::size_t c = 0; c < C; ++c) {
@@ -107,7 +108,7 @@ MendedMasks mend_masks(const fs::path& folder, const Detections& detections, Loa
                                                       Span<const vec3<double>>(body_at.vertices), mask.data);
                 result.cut += change.removed > 0.01, result.filled += change.filled > 0.01;
             }
-            write_png(from / detections.masks[c][t].filename(), mask);
+            write_png(from / (detections.masks[c][t].stem().string() + ".png"), mask); // it may have been a JPEG
             shown.show(static_cast<double>(c * T + t + 1) / static_cast<double>(C * T), "");
         }
     }
@@ -181,7 +182,7 @@ std::vector<std::string> advice_of(const Detections& detections, const MotionFit
         const KeypointFit& of = fit.camera_fit[c];
         constexpr double far = 0.04; // metres: twice what detectors miss by
         if (of.count == 0)
-            advice.push_back(name + " shows nobody");
+            advice.push_back(name + " shows no person");
         else if (of.metres > far)
             advice.push_back("in " + name + " the body lies " + fixed(1e3 * of.metres, 0) +
                              " mm beside the keypoints: calibration or keypoints are wrong");
@@ -265,7 +266,7 @@ std::vector<std::string> fit_capture(const FitOptions& options, const std::vecto
         camera.cx += fit.shifts[c].x, camera.cy += fit.shifts[c].y;
         seen_by.push_back(camera);
     }
-    const MendedMasks mended = mend_masks(options.detections, detections, masks, body, fit, seen_by, fit.motion);
+    const MendedMasks mended = mend_masks(options.detections, detections, masks, body, fit, seen_by);
     if (!detections.calibrated) { // the world is the camera's: make it one to stand in
         const Affine<double> standing = standing_world(body, {fit.motion});
         for (std::size_t t = 0; t < T; ++t) move_frame(body, fit.motion, t, standing);

@@ -32,12 +32,11 @@ namespace gsh {
 /// Fits one person's motion.
 ///
 /// Stages: (1) sides that other views, or the views before and after, contradict are swapped back, and points that jump
-/// are left out; (2) each frame starts in a usual pose, turned and
-/// placed by its trunk (motion_start); (3) all frames of a window descend at once, first with strong priors and without
-/// fingers; sides that the motion contradicts are swapped back, and offsets of the cameras' clocks and shifts of their
-/// principal points are found; (4) the
-/// same with weak priors, and, if the person turns in place, with one pose and one axis for all frames; (5) with masks,
-/// the outlines of the body are drawn to those of the masks, three times anew, which finds the shape.
+/// are left out; (2) each frame starts in a usual pose, turned and placed by its trunk (motion_start); (3) all frames
+/// of a window descend at once, first with strong priors and without fingers; sides that the motion contradicts are
+/// swapped back, and offsets of the cameras' clocks and shifts of their principal points are found; (4) the same with
+/// weak priors, and, if the person turns in place, with one pose and one axis for all frames; (5) with masks, the
+/// outlines of the body are drawn to those of the masks, three times anew, which finds the shape.
 ///
 /// One camera sees depth by perspective and size alone: give the height if it is known.
 ///
@@ -200,7 +199,7 @@ inline MotionFit fit_motion(const BodyModel& body, const std::vector<Camera<doub
                 px.insert(px.end(), misfit.pixels.begin(), misfit.pixels.end());
                 m.insert(m.end(), misfit.metres.begin(), misfit.metres.end());
             }
-            fit.frame_fit[t] = detail::median_of(std::move(of_frame));
+            fit.frame_fit[t] = detail::median_or_nan(of_frame);
         }
         if (first)
             state = fitter.state();
@@ -209,7 +208,8 @@ inline MotionFit fit_motion(const BodyModel& body, const std::vector<Camera<doub
         begin = end == T ? T : end - overlap;
     }
     for (std::size_t c = 0; c < cameras.size(); ++c)
-        fit.camera_fit.push_back({detail::median_of(pixels[c]), detail::median_of(metres[c]), pixels[c].size()});
+        fit.camera_fit.push_back(
+            {detail::median_or_nan(pixels[c]), detail::median_or_nan(metres[c]), pixels[c].size()});
     std::sort(fit.swapped.begin(), fit.swapped.end());
     fit.focal = std::exp(state.log_focal);
     fit.motion = detail::motion_of(body, fitted, state, times);

@@ -56,6 +56,15 @@ struct FittedBody {
         return parent >= 0 && fingers_[static_cast<std::size_t>(parent)];
     }
 
+    /// The joints of a shape at rest.
+    [[nodiscard]] std::vector<vec3<double>> rest_joints(Span<const double> betas) const {
+        const auto S = static_cast<std::size_t>(shape_count);
+        std::vector<vec3<double>> rest = joints;
+        for (std::size_t j = 0; j < rest.size(); ++j)
+            for (std::size_t k = 0; k < S; ++k) rest[j] += directions[j * S + k] * betas[k];
+        return rest;
+    }
+
     /// The axis-angle vectors of all joints but the root.
     [[nodiscard]] std::vector<vec3<double>> pose(Span<const double> angles) const {
         std::vector<vec3<double>> result(parents.size(), vec3<double>(0));
@@ -79,11 +88,7 @@ public:
         twists_.reserve(body.number_count());
         const std::size_t J = body.parents.size(), S = static_cast<std::size_t>(body.shape_count);
         const std::vector<vec3<double>> pose = body.pose(numbers.angles);
-        std::vector<vec3<double>> rest(J);
-        for (std::size_t j = 0; j < J; ++j) {
-            rest[j] = body.joints[j];
-            for (std::size_t k = 0; k < S; ++k) rest[j] += body.directions[j * S + k] * betas[k];
-        }
+        const std::vector<vec3<double>> rest = body.rest_joints(betas);
         std::vector<mat3<double>> jacobians(J, mat3<double>(1.0));
         for (std::size_t j = 0; j < J; ++j) {
             if (body.parents[j] < 0) {

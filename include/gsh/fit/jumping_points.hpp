@@ -4,6 +4,7 @@
 
 #include <gsh/body/landmarks.hpp>
 #include <gsh/fit/view_keypoints.hpp>
+#include <gsh/math/spread.hpp>
 #include <gsh/math/vec.hpp>
 
 #include <algorithm>
@@ -36,11 +37,6 @@ inline std::vector<bool> drop_jumping_points(const std::vector<ViewKeypoints*>& 
         if (high > low) heights.push_back(high - low);
     }
     if (heights.empty()) return dropped;
-    const auto median = [](std::vector<double>& values) {
-        const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-        std::nth_element(values.begin(), middle, values.end());
-        return *middle;
-    };
     const double height = median(heights);
     std::vector<std::vector<bool>> jumps(views.size(), std::vector<bool>(L, false));
     std::vector<double> xs, ys, distances;

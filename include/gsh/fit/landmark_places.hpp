@@ -7,13 +7,13 @@
 #include <gsh/body/keypoints.hpp>
 #include <gsh/body/landmarks.hpp>
 #include <gsh/body/motion.hpp>
-#include <gsh/body/skeleton.hpp>
+#include <gsh/body/motion_bones.hpp>
 #include <gsh/camera/pinhole.hpp>
+#include <gsh/core/span.hpp>
 #include <gsh/math/affine.hpp>
-#include <gsh/math/rotation.hpp>
+#include <gsh/math/spread.hpp>
 #include <gsh/math/vec.hpp>
 
-#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstddef>
@@ -31,15 +31,14 @@ public:
     /// Adds every keypoint of `confidence` or more. The person must be the only one in each photograph.
     void add(const BodyModel& body, const Motion& motion, const std::vector<Camera<double>>& cameras,
              const std::vector<PhotoKeypoints>& photos, double confidence = 0.5) {
-        const std::size_t J = body.joint_count();
         const std::vector<int> joints = joints_by_name(body);
-        const std::vector<vec3<double>> rest = regress_joints(body, shaped_vertices(body, motion.betas));
-        std::vector<mat3<double>> rotations(J);
-        std::vector<Affine<double>> bones(J);
+        std::vector<Affine<double>> bones; // [T, J]
+        std::vector<vec3<double>> places;  // [T, J]
+        for_each_pose(body, motion, [&](std::size_t, Span<const Affine<double>> at, Span<const vec3<double>> rest) {
+            for (std::size_t j = 0; j < rest.size(); ++j) bones.push_back(at[j]), places.push_back(at[j](rest[j]));
+        });
         for (const PhotoKeypoints& photo : photos) {
             if (photo.people.size() != 1) continue;
-            for (std::size_t j = 0; j < J; ++j) rotations[j] = rotation_from_axis_angle(motion.pose_at(photo.frame)[j]);
-            bone_transforms<double>(body.parents, rotations, rest, motion.transl[photo.frame], bones);
             const Camera<double>& camera = cameras[photo.camera];
             for (const Keypoint& point : photo.people[0].points) {
                 if (point.confidence < confidence) continue;
@@ -48,9 +47,10 @@ public:
                 const bool right = point.landmark % 2 == 1;
                 const auto row = static_cast<std::size_t>(point.landmark / 2);
                 const int smplx = right ? mirrored_smplx_joint(landmark_places[row].joint) : landmark_places[row].joint;
-                const auto j = static_cast<std::size_t>(joints[static_cast<std::size_t>(smplx)]);
-                const mat3<double> turn = camera.R * bones[j].linear;
-                const vec3<double> place = to_camera(camera, bones[j](rest[j]));
+                const std::size_t bone = photo.frame * body.joint_count() +
+                                         static_cast<std::size_t>(joints[static_cast<std::size_t>(smplx)]);
+                const mat3<double> turn = camera.R * bones[bone].linear;
+                const vec3<double> place = to_camera(camera, places[bone]);
                 Sighting seen;
                 for (int k = 0; k < 3; ++k) { // r = start + Σ rows o
                     const double sign = right && k == 0 ? -1 : 1;
@@ -78,10 +78,7 @@ public:
             for (std::size_t i = 0; i < sightings.size(); ++i)
                 distances[i] = std::hypot(sightings[i].start.x + dot(sightings[i].x, result.offset),
                                           sightings[i].start.y + dot(sightings[i].y, result.offset));
-            std::vector<double> sorted = distances;
-            const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2);
-            std::nth_element(sorted.begin(), middle, sorted.end());
-            result.spread = *middle;
+            result.spread = median(distances);
             const double scale = 1.5 * result.spread + 1e-4;
             mat3<double> A(1e-9);
             vec3<double> b(0);

@@ -118,12 +118,6 @@ public:
         return change;
     }
 
-    /// How far clothes or hair stand off the body at a sample, metres, with the margin.
-    [[nodiscard]] double reach_of(std::size_t sample) {
-        if (reaches_.empty()) decide();
-        return reaches_[sample];
-    }
-
 private:
     static constexpr double reach = 0.3;           // metres, within which an outline is looked for
     static constexpr double least_reach = 0.03;    // metres: the fit errs by a centimetre or two

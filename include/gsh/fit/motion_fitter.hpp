@@ -17,6 +17,7 @@
 #include <gsh/fit/time_offsets.hpp>
 #include <gsh/fit/turn.hpp>
 #include <gsh/fit/view_keypoints.hpp>
+#include <gsh/math/spread.hpp>
 #include <gsh/math/vec.hpp>
 
 #include <algorithm>
@@ -58,11 +59,9 @@ inline ViewMisfit misfit_of(const FittedBody& body, const FrameKinematics& kinem
     return result;
 }
 
-inline double median_of(std::vector<double> values) {
-    if (values.empty()) return std::numeric_limits<double>::quiet_NaN();
-    const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-    std::nth_element(values.begin(), middle, values.end());
-    return *middle;
+/// NaN of none.
+inline double median_or_nan(const std::vector<double>& values) {
+    return values.empty() ? std::numeric_limits<double>::quiet_NaN() : median(values);
 }
 
 /// One fit in progress.

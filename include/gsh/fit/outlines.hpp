@@ -94,12 +94,8 @@ public:
     [[nodiscard]] std::vector<RimPoint> rim(const FittedBody& body, const FrameKinematics& kinematics,
                                             Span<const double> betas, const Camera<double>& camera,
                                             double focal) const {
-        const std::size_t J = body.parents.size(), S = static_cast<std::size_t>(body.shape_count);
-        std::vector<vec3<double>> rest(J);
-        for (std::size_t j = 0; j < J; ++j) {
-            rest[j] = body.joints[j];
-            for (std::size_t k = 0; k < S; ++k) rest[j] += body.directions[j * S + k] * betas[k];
-        }
+        const auto S = static_cast<std::size_t>(body.shape_count);
+        const std::vector<vec3<double>> rest = body.rest_joints(betas);
         const vec3<double> eye = camera.center();
         std::vector<RimPoint> result;
         for (std::size_t i = 0; i < samples_.size(); ++i) {
