@@ -9,6 +9,7 @@
 #include "support/video_report.hpp"
 
 #include <gsh/core/error.hpp>
+#include <gsh/io/file/atomic_file.hpp>
 
 #include <csignal>
 #include <cstddef>
@@ -72,7 +73,14 @@ int make(VideoOptions options) {
 
     std::printf("== fitting the body\n");
     options.fit.detections = capture;
+    const auto fitted = [&] {
+        std::error_code error;
+        const fs::path poses = capture / "poses.npz";
+        return fs::exists(poses, error) ? read_file(poses) : std::string();
+    };
+    const std::string before = fitted(); // the same fit gives the same bytes
     const std::vector<std::string> notes = fit_capture(options.fit, {});
+    const bool same_fit = fitted() == before;
     for (const std::string& note : notes) std::printf("note: %s\n", note.c_str());
 
     stage("checking the capture",
@@ -90,7 +98,7 @@ int make(VideoOptions options) {
                                          "--keypoints",
                                          (capture / "keypoints.json").string()};
     std::error_code error;
-    if (fs::exists(avatar / "checkpoint.gsh", error)) reconstruct.push_back("--resume");
+    if (same_fit && fs::exists(avatar / "checkpoint.gsh", error)) reconstruct.push_back("--resume");
     if (options.steps > 0) reconstruct.insert(reconstruct.end(), {"--steps", std::to_string(options.steps)});
     if (options.preview) reconstruct.insert(reconstruct.end(), {"--gaussians", "30000"});
     if (options.threads > 0) reconstruct.insert(reconstruct.end(), {"--threads", std::to_string(options.threads)});
