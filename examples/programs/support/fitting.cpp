@@ -40,7 +40,7 @@ namespace fs = std::filesystem;
 
 /// The masks of a detector's folder, which the fit looks into.
 struct LoadedMasks {
-    std::vector<std::vector<PixelImage>> images; // [cameras] of [T] or none
+    std::vector<std::vector<PixelImage>> images; // [cameras] of [T] or none; without pixels where there is no mask
 
     explicit LoadedMasks(const Detections& detections) {
         Progress shown("reading masks");
@@ -49,13 +49,13 @@ struct LoadedMasks {
         for (std::size_t c = 0; c < detections.masks.size(); ++c) {
             auto& of_camera = images.emplace_back();
             for (std::size_t t = 0; t < detections.masks[c].size(); ++t) {
-                of_camera.push_back(load_detected_mask(detections, c, t));
+                of_camera.push_back(detections.has_mask(c, t) ? load_detected_mask(detections, c, t) : PixelImage());
                 shown.show(++done / count, "");
             }
         }
     }
     [[nodiscard]] MaskView at(std::size_t camera, std::size_t frame) const {
-        if (images[camera].empty()) return {};
+        if (images[camera].empty() || images[camera][frame].data.empty()) return {};
         const PixelImage& mask = images[camera][frame];
         return {mask.height, mask.width, mask.data.data(), 1};
     }
@@ -100,6 +100,7 @@ MendedMasks mend_masks(const fs::path& folder, const Detections& detections, Loa
             fs::create_directories(from);
         }
         for (std::size_t t = 0; t < T; ++t) {
+            if (!detections.has_mask(c, t)) continue;
             PixelImage& mask = masks.images[c][t];
             const bool shows = std::any_of(mask.data.begin(), mask.data.end(), [](std::uint8_t v) { return v >= 128; });
             if (shows && believed(c, t)) { // an empty mask leaves the photograph out

@@ -54,20 +54,20 @@ StaticSource load_capture_frame(const std::filesystem::path& folder, std::size_t
     Capture capture; // its frames are this one
     capture.cameras = cameras_of_file(folder / "cameras.json").cameras;
     capture.motion.transl.resize(1);
-    std::vector<std::filesystem::path> images, masks;
-    for (const NamedCamera& camera : capture.cameras) {
-        const auto find = [&](const char* kind) {
-            const auto files = gsh::detail::list_images(folder / kind / camera.name);
-            check_value(frame < files.size(), (folder / kind / camera.name).string(),
-                        "has " + std::to_string(files.size()) + " images, expected frame " + std::to_string(frame) +
-                            " among them");
-            return files[frame];
-        };
-        images.push_back(find("images"));
-        if (std::filesystem::is_directory(folder / "masks")) masks.push_back(find("masks"));
+    const gsh::detail::PhotoFiles all =
+        gsh::detail::list_photos(folder, capture.cameras, std::filesystem::is_directory(folder / "masks"), 0,
+                                 "as many as the other cameras have");
+    const std::size_t frames = all.images.size() / std::max<std::size_t>(1, capture.cameras.size());
+    check_value(frame < frames, (folder / "images").string(),
+                "has images of " + std::to_string(frames) + " frames, expected frame " + std::to_string(frame) +
+                    " among them");
+    gsh::detail::PhotoFiles files; // of this frame
+    for (std::size_t c = 0; c < capture.cameras.size(); ++c) {
+        files.images.push_back(all.images[c * frames + frame]);
+        if (!all.masks.empty()) files.masks.push_back(all.masks[c * frames + frame]);
     }
     cpu::Threads backend;
-    gsh::detail::load_photos(backend, images, masks, 1, {}, folder, capture, &source.warnings);
+    gsh::detail::load_photos(backend, files, 1, {}, folder, capture, &source.warnings);
     for (std::size_t c = 0; c < capture.cameras.size(); ++c) {
         const NamedCamera& camera = capture.cameras[c];
         if (capture.is_taken({c, 0}))

@@ -12,11 +12,10 @@
 #include <gsh/body/motion.hpp>
 #include <gsh/body/posed_body.hpp>
 #include <gsh/check/silhouette.hpp>
-#include <gsh/core/error.hpp>
 #include <gsh/io/capture/camera_file.hpp>
+#include <gsh/io/capture/capture_photos.hpp>
 #include <gsh/io/capture/detections.hpp>
 #include <gsh/io/file/atomic_file.hpp>
-#include <gsh/io/file/folder_list.hpp>
 #include <gsh/io/image/image_file.hpp>
 #include <gsh/io/motion/motion_file.hpp>
 
@@ -70,20 +69,20 @@ std::string image_tag(const PixelImage& picture, const std::string& caption) {
 class StagePictures {
 public:
     StagePictures(const fs::path& capture, const fs::path& body)
-        : capture_(capture), found_(load_detections(capture)), cameras_(read_cameras(capture / "cameras.json").cameras),
-          body_(body_of_file(body)), motion_(load_motion(capture / "poses.npz", body_)) {}
+        : found_(load_detections(capture)), cameras_(read_cameras(capture / "cameras.json").cameras),
+          body_(body_of_file(body)), motion_(load_motion(capture / "poses.npz", body_)),
+          images_(
+              gsh::detail::list_photos(capture, cameras_, false, frame_count(), "one per pose of poses.npz").images) {}
 
     [[nodiscard]] std::size_t camera_count() const { return cameras_.size(); }
     [[nodiscard]] const std::string& camera_name(std::size_t c) const { return cameras_[c].name; }
     [[nodiscard]] std::size_t frame_count() const { return motion_.frame_count(); }
 
-    /// Keypoints, the outline of the mask, that of the body, side by side.
+    /// Keypoints, the outline of the mask, that of the body, side by side; nothing for a photograph that is missing.
     [[nodiscard]] std::string row(std::size_t c, std::size_t t) const {
-        const std::vector<fs::path> files = list_folder(capture_ / "images" / cameras_[c].name, "a folder of images");
-        if (files.size() != frame_count())
-            throw IoError((capture_ / "images" / cameras_[c].name).string() + ": has " + std::to_string(files.size()) +
-                          " images, expected " + std::to_string(frame_count()));
-        PixelImage photo = read_image(files[t]);
+        const fs::path& file = images_[c * frame_count() + t];
+        if (file.empty()) return {};
+        PixelImage photo = read_image(file);
         PixelImage rgba(4, photo.height, photo.width);
         for (std::size_t i = 0; i < rgba.data.size() / 4; ++i) {
             for (std::size_t k = 0; k < 3; ++k)
@@ -112,7 +111,7 @@ public:
                                  static_cast<int>(std::floor(point.pixel.y)), std::max(1, crop.height / 200), color);
                     }
         PixelImage masked = canvas;
-        if (!found_.masks[c].empty()) {
+        if (found_.has_mask(c, t)) {
             const PixelImage mask = load_detected_mask(found_, c, t);
             Silhouette outline{mask.height, mask.width, {}};
             for (const std::uint8_t value : mask.data) outline.inside.push_back(value >= 128);
@@ -125,11 +124,11 @@ public:
     }
 
 private:
-    fs::path capture_;
     Detections found_;
     std::vector<NamedCamera> cameras_;
     BodyModel body_;
     Motion motion_;
+    std::vector<fs::path> images_; // [cameras * frames]
 };
 
 } // namespace

@@ -241,8 +241,65 @@ TEST_CASE_FIXTURE(StoredCapture, "masks from a folder of their own replace alpha
     const Capture read = load();
     CHECK(int(read.images[4].pixel(1, 7)[3]) == 71);
     CHECK(read.images[4].pixel(1, 7)[0] == capture.images[4].pixel(1, 7)[0]);
-    std::filesystem::remove(path / "masks/cam1/0002.png");
-    test::check_throws<ShapeError>([&] { (void)load(); }, {"masks/cam1", "2 images"});
+}
+
+TEST_CASE_FIXTURE(StoredCapture, "a missing photograph is left out, with a warning, and its frame stays") {
+    const auto others_are_theirs = [&](const Capture& read, std::initializer_list<std::size_t> absent) {
+        REQUIRE(read.images.size() == 9);
+        for (std::size_t i = 0; i < 9; ++i) {
+            const bool is_absent = std::find(absent.begin(), absent.end(), i) != absent.end();
+            CHECK(read.images[i].data == (is_absent ? std::vector<std::uint8_t>() : capture.images[i].data));
+        }
+        CHECK(read.motion.pose == capture.motion.pose);
+    };
+    std::filesystem::remove(image(0, 1)); // in the row
+    std::filesystem::remove(image(1, 0)); // the first, which other cameras have
+    std::filesystem::remove(image(1, 2)); // the last
+    std::vector<std::string> warnings;
+    const Capture read = load(&warnings);
+    others_are_theirs(read, {1, 3, 5});
+    CHECK(read.views(false).size() == 3);
+    REQUIRE(warnings.size() == 1);
+    CHECK(warnings[0] == path.string() + ": 3 of 9 photographs are missing and are left out: camera 'cam0' frame 1, "
+                                         "camera 'cam1' frame 0, camera 'cam1' frame 2");
+    CHECK(read.image_names[0] == "0000");
+    CHECK(read.image_names[1].empty());
+
+    // Numbers may begin with 1, and may end longer names.
+    for (int c = 0; c < 3; ++c)
+        for (const int f : {2, 1, 0})
+            if (std::filesystem::exists(image(c, f)))
+                std::filesystem::rename(image(c, f), path / "images" / ("cam" + std::to_string(c)) /
+                                                         ("img_" + std::to_string(f + 1) + ".png"));
+    others_are_theirs(load(), {1, 3, 5});
+
+    // A moment that no camera shows keeps its pose.
+    std::filesystem::remove(path / "images/cam1/img_2.png");
+    std::filesystem::remove(path / "images/cam2/img_2.png");
+    test::check_throws<ShapeError>([&] { (void)load(); }, {"images/cam1", "0 images"});
+    write_png(path / "images/cam1/img_3.png", capture.images[5]);
+    others_are_theirs(load(), {1, 3, 4, 7});
+}
+
+TEST_CASE_FIXTURE(StoredCapture, "a photograph without its mask is left out, with a warning") {
+    PixelImage white(1, 60, 64);
+    white.data.assign(white.data.size(), 255);
+    for (int c = 0; c < 3; ++c) {
+        std::filesystem::create_directories(path / "masks" / ("cam" + std::to_string(c)));
+        for (int f = 0; f < 3; ++f)
+            if (c != 1 || f != 2)
+                write_png(path / "masks" / ("cam" + std::to_string(c)) / ("mask" + std::to_string(f) + ".png"), white);
+    }
+    std::vector<std::string> warnings;
+    const Capture read = load(&warnings);
+    for (std::size_t i = 0; i < 9; ++i) CHECK(read.images[i].data.empty() == (i == 5));
+    REQUIRE(!warnings.empty());
+    CHECK(warnings[0] == path.string() + ": 1 of 9 photographs have no mask and are left out: images/cam1/0002.png");
+    for (int c : {0, 1})
+        for (int f = 0; f < 3; ++f) std::filesystem::remove(image(c, f));
+    write_png(image(0, 0), PixelImage(4, 60, 64)), write_png(image(1, 2), capture.images[5]);
+    std::filesystem::remove(path / "masks/cam0/mask0.png");
+    test::check_throws<ValueError>([&] { (void)load(); }, {path.string(), "both its image and its mask"});
 }
 
 TEST_CASE_FIXTURE(StoredCapture, "files that operating systems add are none of the capture's") {
@@ -447,13 +504,31 @@ TEST_CASE_FIXTURE(StoredCapture, "files that do not belong together") {
         std::filesystem::remove_all(path / "images/cam1");
         test::check_throws<IoError>([&] { (void)load(); }, {"images/cam1", "No such file"});
     }
-    SUBCASE("an image is missing in the row") {
-        std::filesystem::remove(image(1, 1));
-        test::check_throws<IoError>([&] { (void)load(); }, {image(1, 1), "missing"});
+    SUBCASE("every camera's last image is missing") {
+        for (const int camera : {0, 1, 2}) std::filesystem::remove(image(camera, 2));
+        test::check_throws<ShapeError>([&] { (void)load(); },
+                                       {"images/cam0", "2 images, expected 3", "poses.npz", "go from 0 to 1"});
     }
-    SUBCASE("the last image is missing") {
-        std::filesystem::remove(image(1, 2));
-        test::check_throws<ShapeError>([&] { (void)load(); }, {"images/cam1", "2 images, expected 3", "poses.npz"});
+    SUBCASE("as many images as poses, but with a gap in their numbers") {
+        std::filesystem::rename(image(1, 2), path / "images/cam1/0003.png");
+        test::check_throws<ShapeError>([&] { (void)load(); }, {"images/cam1", "3 images with a gap",
+                                                               "expected 3, one per pose", "go from 0 to 3"});
+    }
+    SUBCASE("names do not tell which image is missing") {
+        for (const int frame : {0, 2}) std::filesystem::rename(image(1, frame), image(1, frame) + "_a.png");
+        std::filesystem::remove(image(1, 1));
+        test::check_throws<ShapeError>([&] { (void)load(); },
+                                       {"images/cam1", "2 images, expected 3", "names end in numbers"});
+    }
+    SUBCASE("a frame has two images") {
+        for (const int frame : {0, 2}) std::filesystem::remove(image(1, frame));
+        std::filesystem::rename(image(1, 1), path / "images/cam1/a1.png");
+        write_png(path / "images/cam1/b1.png", capture.images[0]);
+        test::check_throws<IoError>([&] { (void)load(); }, {"images/cam1/b1.png", "its number is that of a1.png"});
+    }
+    SUBCASE("a camera without images") {
+        for (const int frame : {0, 1, 2}) std::filesystem::remove(image(1, frame));
+        test::check_throws<ShapeError>([&] { (void)load(); }, {"images/cam1", "0 images, expected 3"});
     }
     SUBCASE("more poses than frames") {
         Motion& m = capture.motion;
@@ -489,8 +564,6 @@ TEST_CASE_FIXTURE(StoredCapture, "files that do not belong together") {
         std::filesystem::rename(image(1, 0), name("1"));
         std::filesystem::rename(image(1, 1), name("10"));
         std::filesystem::rename(image(1, 2), name("2"));
-        test::check_throws<IoError>([&] { (void)load(); }, {"images/cam1/10.png", "before number 2", "pad", "zeros"});
-        std::filesystem::rename(name("1"), name("9"));
         test::check_throws<IoError>([&] { (void)load(); }, {"images/cam1/2.png", "after 10.png", "pad", "zeros"});
     }
     SUBCASE("a truncated image") {

@@ -103,6 +103,23 @@ TEST_CASE("a single camera needs no calibration: 1.2 times the longer side, or t
     CHECK(found.cameras[0].camera.fy == 31);
 }
 
+TEST_CASE("a camera may end before the others, and a frame may have no mask") {
+    DetectorFolder files;
+    files.camera(1)["times"] = {0.0, 0.1, 0.2};
+    for (const char* file : {"0002.png", "0001.png"})
+        write_png(files.folder / "masks/right" / file, PixelImage(1, 16, 24));
+    std::filesystem::remove(files.folder / "masks/left/0000.png");
+    const Detections found = files.load();
+    CHECK(found.times == std::vector<double>{0.0, 0.1, 0.2});
+    CHECK(!found.has_mask(0, 0));
+    CHECK(found.has_mask(0, 1));
+    CHECK(!found.has_mask(0, 2));
+    CHECK(found.has_mask(1, 2));
+    CHECK(load_detected_mask(found, 0, 1).data[99] == 255);
+    std::filesystem::remove_all(files.folder / "masks/left");
+    CHECK(!files.load().has_mask(0, 1));
+}
+
 TEST_CASE("damaged folders of a detector are refused, with file and field") {
     const auto changed = [](auto change, const char* expected) {
         DetectorFolder files;
@@ -121,7 +138,7 @@ TEST_CASE("damaged folders of a detector are refused, with file and field") {
     changed([](DetectorFolder& f) { f.camera(0)["times"] = {0.1, 0.1}; },
             "times[1] is 0.1, expected more than the 0.1");
     changed([](DetectorFolder& f) { f.camera(1)["times"] = {0.0, 0.1, 0.2}; },
-            "times has 3 numbers, but those of left are 2");
+            "masks/left: holds 2 images, expected 3, one for each of the times");
     changed([](DetectorFolder& f) { f.camera(1)["times"] = {0.0, 0.2}; },
             "times[1] is 0.2, expected at most half a frame");
     changed([](DetectorFolder& f) { f.calibration["cameras"][0]["name"] = "top"; }, "has no camera right");
@@ -129,8 +146,11 @@ TEST_CASE("damaged folders of a detector are refused, with file and field") {
             "is of images of 48 x 16, but video.json");
     changed([](DetectorFolder& f) { f.calibration["cameras"][1]["distortion"] = {0.1, 0, 0, 0, 0}; },
             "has a distortion");
-    changed([](DetectorFolder& f) { std::filesystem::remove(f.folder / "masks/right/0001.png"); },
-            "has 1 masks, expected 2");
+    changed(
+        [](DetectorFolder& f) {
+            for (const char* name : {"left", "right"}) std::filesystem::remove(f.folder / "masks" / name / "0001.png");
+        },
+        "holds 1 images, expected 2");
     changed([](DetectorFolder& f) { f.keypoints.erase("images"); }, "has no list images");
     changed([](DetectorFolder& f) { f.keypoints["annotations"][0]["mediapipe_pose"].push_back(1); },
             "has 100 elements");

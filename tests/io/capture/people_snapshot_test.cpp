@@ -253,8 +253,23 @@ TEST_CASE_FIXTURE(Subject, "files that do not belong together") {
         fails({"cameras.npz", "singular"});
     }
     SUBCASE("a mask is missing") {
-        std::filesystem::remove(mask_file(3));
-        fails({"masks", "9 masks, expected 10"});
+        std::filesystem::remove(mask_file(2));
+        std::vector<std::string> warnings;
+        const Capture read = load(&warnings);
+        CHECK(!read.is_taken({0, 1})); // the split is 0, 2, 4 and 6, 9
+        CHECK(read.is_taken({0, 2}));
+        CHECK(std::any_of(warnings.begin(), warnings.end(), [](const std::string& text) {
+            return text.ends_with("1 of 5 photographs have no mask and are left out: images/image_0002.png");
+        }));
+        std::filesystem::remove(mask_file(9)); // image_0009 tells that there are ten
+        CHECK(!load().is_taken({0, 4}));
+        std::filesystem::remove(path / "images/image_0009.png");
+        fails({"anim_nerf_test.npz", "holds 2 poses, expected 1"});
+    }
+    SUBCASE("a mask is missing that no number tells") {
+        std::filesystem::remove(mask_file(2));
+        std::filesystem::rename(mask_file(3), path / "masks/mask_three.npy");
+        fails({"masks", "9 images, expected 10", "end in numbers"});
     }
     SUBCASE("no masks") {
         std::filesystem::remove_all(path / "masks");

@@ -23,14 +23,15 @@
 namespace gsh {
 
 /// Loads DIR/cameras.json, DIR/poses.npz (or other poses) and the images DIR/images/CAMERA/FRAME.png (or .jpg), in the
-/// order of their names. The mask is the images' alpha, or DIR/masks/CAMERA/FRAME.png with a white person.
+/// order of their names. The mask is the images' alpha, or DIR/masks/CAMERA/FRAME.png with a white person. A frame may
+/// lack the image or the mask of a camera if its files are numbered (detail::assign_frames).
 /// DIR/backgrounds/CAMERA.png (or .jpg), for all cameras or none, shows the scene without the person. Images of cameras
 /// with distortion are undistorted. `body` is the body model of the poses.
 ///
 /// Errors    IoError, ShapeError, ValueError naming the file: images, poses and cameras that do not match, masks whose
 ///           meaning is unclear, no view to train on, and all errors of the readers of the single files.
-/// Warnings  photographs without a person, which count as not taken, and others of load_photos; probable mistakes, one
-///           sentence each with the likely cause, see capture_warnings.
+/// Warnings  photographs that are missing, or without a person, which count as not taken, and others of load_photos;
+///           probable mistakes, one sentence each with the likely cause, see capture_warnings.
 template <HostExecutor E>
 [[nodiscard]] Capture load_capture(E& executor, const std::filesystem::path& folder, const BodyModel& body,
                                    const CaptureOptions& options = {}, std::vector<std::string>* warnings = nullptr);
@@ -60,15 +61,9 @@ Capture load_capture(E& executor, const std::filesystem::path& folder, const Bod
     motion_options.input_fps = options.input_fps;
     capture.motion = load_any_motion(poses, body, motion_options, warnings);
     const std::size_t frames = capture.frame_count();
-    std::vector<std::filesystem::path> images, masks;
-    for (const NamedCamera& camera : capture.cameras) {
-        const auto append = [&](const char* kind, std::vector<std::filesystem::path>& files) {
-            const auto own = detail::list_frames(folder / kind / camera.name, frames, poses);
-            files.insert(files.end(), own.begin(), own.end());
-        };
-        append("images", images);
-        if (std::filesystem::is_directory(folder / "masks")) append("masks", masks);
-    }
+    const bool masked = std::filesystem::is_directory(folder / "masks");
+    const detail::PhotoFiles files =
+        detail::list_photos(folder, capture.cameras, masked, frames, "one per pose of " + poses.string());
 
     for (const int frame : capture.test_frames)
         check_value(static_cast<std::size_t>(frame) < frames, (folder / "cameras.json").string(),
@@ -77,7 +72,7 @@ Capture load_capture(E& executor, const std::filesystem::path& folder, const Bod
                 "no view is left for training; give a camera the role train, and leave frames out of test_frames");
 
     const std::vector<NamedCamera> distorted = capture.cameras;
-    detail::load_photos(executor, images, masks, 1, options, folder, capture, warnings);
+    detail::load_photos(executor, files, 1, options, folder, capture, warnings);
     if (std::filesystem::is_directory(folder / "backgrounds"))
         for (const NamedCamera& camera : distorted) {
             const auto path = detail::image_path(folder / "backgrounds", camera.name);

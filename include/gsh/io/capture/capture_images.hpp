@@ -45,38 +45,6 @@ inline std::vector<std::filesystem::path> list_images(const std::filesystem::pat
     return files;
 }
 
-/// Throws IoError for a gap in a numbered sequence, and for numbers whose order is not that of the names (2, 10).
-inline void check_row(const std::vector<std::filesystem::path>& files) {
-    for (std::size_t i = 0; i < files.size(); ++i) {
-        const long number = number_of(files[i]), before = i > 0 ? number_of(files[i - 1]) : number - 1;
-        if (number < 0) return;
-        if (number < before)
-            throw IoError(files[i].string() + ": comes after " + files[i - 1].filename().string() +
-                          " in the order of the names; pad the numbers with zeros");
-        if (number <= before + 1) continue;
-        std::string digits = std::to_string(before + 1), stem = files[i].stem().string();
-        digits.insert(0, stem.size() > digits.size() ? stem.size() - digits.size() : 0, '0');
-        const auto expected = files[i].parent_path() / (digits + files[i].extension().string());
-        // With numbers of different lengths (10, 2), the next number may come later.
-        const bool later =
-            std::any_of(files.begin(), files.end(), [&](const auto& file) { return number_of(file) == before + 1; });
-        throw IoError(later ? files[i].string() + ": comes before number " + std::to_string(before + 1) +
-                                  " in the order of the names; pad the numbers with zeros"
-                            : expected.string() + ": is missing from the numbered files");
-    }
-}
-
-/// Images of one camera, one per frame.
-inline std::vector<std::filesystem::path> list_frames(const std::filesystem::path& folder, std::size_t frames,
-                                                      const std::filesystem::path& poses) {
-    const auto files = list_images(folder);
-    check_row(files);
-    if (files.size() != frames)
-        throw ShapeError(folder.string() + ": holds " + std::to_string(files.size()) + " images, expected " +
-                         std::to_string(frames) + ", one per pose of " + poses.string());
-    return files;
-}
-
 /// The image at 1/factor of its size: each pixel is the mean of a square. Colours and alpha are averaged separately, as
 /// other readers of these data sets reduce photograph and mask before combining them.
 inline PixelImage shrink(const PixelImage& image, int factor) {

@@ -9,6 +9,7 @@
 #include <gsh/io/capture/capture_data.hpp>
 #include <gsh/io/capture/capture_images.hpp>
 #include <gsh/io/capture/capture_warnings.hpp>
+#include <gsh/io/capture/frame_files.hpp>
 #include <gsh/io/capture/named_camera.hpp>
 #include <gsh/io/file/text_lines.hpp>
 #include <gsh/io/image/image_file.hpp>
@@ -56,17 +57,45 @@ void settle_masks(E& executor, const std::vector<std::filesystem::path>& files, 
     });
 }
 
-/// Fills capture.images from files [cameras * frames], undistorted and at 1/factor of their size. The capture's cameras
-/// become those of these images. Masks are in files of their own [cameras * frames]; if there are none, the images'
-/// alpha is the mask. A photograph whose mask nowhere exceeds 1/2 counts as not taken, unless options.empty_masks.
+/// Files of images and of their masks, [cameras * frames]; an empty path where a frame has none. Without any masks, the
+/// images' alpha is the mask.
+struct PhotoFiles {
+    std::vector<std::filesystem::path> images, masks;
+};
+
+/// The files FOLDER/images/CAMERA/FRAME, and FOLDER/masks/CAMERA/FRAME if there are `masks`.
+///
+/// @param frames, reason  as in assign_frames.
+/// Errors  those of list_images and assign_frames.
+inline PhotoFiles list_photos(const std::filesystem::path& folder, const std::vector<NamedCamera>& cameras, bool masks,
+                              std::size_t frames, const std::string& reason) {
+    std::vector<std::filesystem::path> folders;
+    std::vector<std::vector<std::filesystem::path>> lists;
+    for (const char* kind : {"images", "masks"})
+        for (const NamedCamera& camera : cameras)
+            if (kind[0] == 'i' || masks) {
+                folders.push_back(folder / kind / camera.name);
+                lists.push_back(list_images(folders.back()));
+            }
+    PhotoFiles files;
+    for (auto& row : assign_frames(std::move(lists), folders, frames, reason).rows) {
+        auto& of_kind = files.images.size() < cameras.size() * row.size() ? files.images : files.masks;
+        of_kind.insert(of_kind.end(), row.begin(), row.end());
+    }
+    return files;
+}
+
+/// Fills capture.images from files, undistorted and at 1/factor of their size. The capture's cameras become those of
+/// these images. A photograph counts as not taken if its image or its mask is missing, or if its mask nowhere exceeds
+/// 1/2, unless options.empty_masks.
 ///
 /// Errors    IoError, ShapeError, ValueError naming the file: sizes that are not the camera's, masks whose meaning is
-///           unclear, no mask of a training photograph with a person, a factor that does not divide the size.
+///           unclear, no training photograph with a person, a factor that does not divide the size.
 /// Warnings  photographs that are not taken, masks of small numbers, orientations that sizes do not confirm.
 template <HostExecutor E>
-void load_photos(E& executor, const std::vector<std::filesystem::path>& images,
-                 const std::vector<std::filesystem::path>& masks, int factor, const CaptureOptions& options,
+void load_photos(E& executor, const PhotoFiles& files, int factor, const CaptureOptions& options,
                  const std::filesystem::path& folder, Capture& capture, std::vector<std::string>* warnings) {
+    const auto& [images, masks] = files;
     const std::vector<NamedCamera> full = capture.cameras;
     const std::size_t frames = capture.frame_count();
     for (NamedCamera& camera : capture.cameras) {
@@ -83,7 +112,9 @@ void load_photos(E& executor, const std::vector<std::filesystem::path>& images,
         if (camera.distortion) image = straighten(image, camera);
         if (factor != 1) image = shrink(image, factor);
     };
+    const auto is_missing = [&](std::size_t i) { return images[i].empty() || (!masks.empty() && masks[i].empty()); };
     load_all(executor, images.size(), [&](std::size_t i) {
+        if (is_missing(i)) return;
         PhotoState& state = states[i];
         CameraImage photo = read_camera_image(images[i], full[i / frames]);
         state.ambiguous = photo.ambiguous;
@@ -105,24 +136,33 @@ void load_photos(E& executor, const std::vector<std::filesystem::path>& images,
         if (states[i].pending) finish(i);
     });
 
-    std::vector<std::size_t> absent, ambiguous;
+    std::vector<std::size_t> missing, unmasked, empty, ambiguous;
     for (std::size_t i = 0; i < images.size(); ++i) {
         if (states[i].ambiguous) ambiguous.push_back(i);
-        if (options.empty_masks || shows_person(capture.images[i])) continue;
-        absent.push_back(i);
-        capture.images[i] = {};
+        if (is_missing(i))
+            (images[i].empty() ? missing : unmasked).push_back(i);
+        else if (!options.empty_masks && !shows_person(capture.images[i]))
+            empty.push_back(i), capture.images[i] = {};
     }
-    const auto name = [&](std::size_t i) { return images[i].lexically_relative(folder).string(); };
+    const auto name = [&](std::size_t i) {
+        return images[i].empty()
+                   ? "camera '" + shortened(full[i / frames].name) + "' frame " + std::to_string(i % frames)
+                   : images[i].lexically_relative(folder).string();
+    };
     const auto warn = [&](const std::vector<std::size_t>& which, const std::string& before, const std::string& after) {
         if (!which.empty() && warnings)
             warnings->push_back(folder.string() + ": " + std::to_string(which.size()) + " of " +
                                 std::to_string(images.size()) + " photographs " + before +
                                 listing(which.size(), 6, [&](std::size_t k) { return name(which[k]); }) + after);
     };
-    if (!absent.empty())
-        check_value(!capture.views(false).empty(), (masks.empty() ? images : masks)[absent[0]].string(),
+    if (!empty.empty())
+        check_value(!capture.views(false).empty(), (masks.empty() ? images : masks)[empty[0]].string(),
                     "its mask (alpha) is empty, as are those of all photographs for training; expected a person");
-    warn(absent, "have an empty mask and are left out: ", "");
+    check_value(!capture.views(false).empty(), folder.string(),
+                "no photograph for training has both its image and its mask");
+    warn(missing, "are missing and are left out: ", "");
+    warn(unmasked, "have no mask and are left out: ", "");
+    warn(empty, "have an empty mask and are left out: ", "");
     warn(ambiguous, "were turned as their Exif orientation states: ",
          "; their cameras, poses and masks must be those of the turned pictures, as OpenCV reads them");
 }

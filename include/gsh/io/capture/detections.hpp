@@ -5,6 +5,8 @@
 #include <gsh/body/keypoints.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/io/capture/camera_file.hpp>
+#include <gsh/io/capture/capture_images.hpp>
+#include <gsh/io/capture/frame_files.hpp>
 #include <gsh/io/capture/keypoints_file.hpp>
 #include <gsh/io/capture/named_camera.hpp>
 #include <gsh/io/file/folder_list.hpp>
@@ -31,7 +33,11 @@ struct Detections {
     std::vector<bool> known_focal;    // [C] whether calibration or metadata give the focal length
     std::vector<double> times;        // [T] ascending, seconds
     std::vector<PhotoKeypoints> keypoints;
-    std::vector<std::vector<std::filesystem::path>> masks; // [C, T], or [C] of none
+    std::vector<std::vector<std::filesystem::path>> masks; // [C, T], or [C] of none; empty for a frame without one
+
+    [[nodiscard]] bool has_mask(std::size_t camera, std::size_t frame) const {
+        return !masks[camera].empty() && !masks[camera][frame].empty();
+    }
 };
 
 /// Reads
@@ -42,15 +48,16 @@ struct Detections {
 ///                              masks/ holds those that a fit has mended
 ///     FOLDER/calibration.json  cameras as those of a capture, optional for a single camera
 ///
-/// The times of all cameras must be the same within half a frame; those of the first camera count. Without a
-/// calibration the single camera stands at the origin, looks along z, and has a focal length of 1.2 times the longer
-/// side if none is known.
+/// The times of all cameras must be the same within half a frame; those of the camera with the most frames count. The
+/// others may end before it. A frame may lack its mask (assign_frames). Without a calibration the single camera stands
+/// at the origin, looks along z, and has a focal length of 1.2 times the longer side if none is known.
 ///
-/// Errors  IoError and ValueError naming file and field: missing files, several cameras without a calibration, cameras
-///         of one file that the other lacks, numbers of frames that differ, times that do not ascend.
+/// Errors  IoError, ShapeError and ValueError naming file and field: missing files, several cameras without a
+///         calibration, cameras of one file that the other lacks, times of different moments or that do not ascend,
+///         masks that frames cannot be told of.
 [[nodiscard]] inline Detections load_detections(const std::filesystem::path& folder);
 
-/// The mask of a photograph: one channel, 255 on the person.
+/// The mask of a photograph that has one: one channel, 255 on the person.
 ///
 /// Errors  those of read_mask; ShapeError for another size than the camera's.
 [[nodiscard]] inline PixelImage load_detected_mask(const Detections& detections, std::size_t camera, std::size_t frame);
@@ -115,14 +122,23 @@ inline void calibrate(Detections& result, const std::filesystem::path& path) {
     result.known_focal.assign(result.cameras.size(), true);
 }
 
-inline std::vector<std::filesystem::path> mask_files(const std::filesystem::path& folder, std::size_t frame_count) {
+/// The masks of all cameras. The numbers of all of them tell which frames have none.
+inline std::vector<std::vector<std::filesystem::path>>
+mask_files(const std::filesystem::path& folder, const std::vector<NamedCamera>& cameras, std::size_t frames) {
+    std::vector<std::filesystem::path> folders;
+    std::vector<std::vector<std::filesystem::path>> lists;
+    std::vector<std::size_t> of_list;
     std::error_code error;
-    if (!std::filesystem::is_directory(folder, error)) return {};
-    std::vector<std::filesystem::path> files = list_folder(folder, "a folder of masks");
-    if (files.size() != frame_count)
-        throw IoError(folder.string() + ": has " + std::to_string(files.size()) + " masks, expected " +
-                      std::to_string(frame_count) + ", one for each of the times in video.json");
-    return files;
+    for (std::size_t c = 0; c < cameras.size(); ++c) {
+        const auto detected = folder / "masks_detected" / cameras[c].name, masks = folder / "masks" / cameras[c].name;
+        const auto& place = std::filesystem::is_directory(detected, error) ? detected : masks;
+        if (!std::filesystem::is_directory(place, error)) continue;
+        lists.push_back(list_images(place)), folders.push_back(place), of_list.push_back(c);
+    }
+    std::vector<std::vector<std::filesystem::path>> result(cameras.size());
+    auto rows = assign_frames(std::move(lists), folders, frames, "one for each of the times in video.json").rows;
+    for (std::size_t k = 0; k < rows.size(); ++k) result[of_list[k]] = std::move(rows[k]);
+    return result;
 }
 
 } // namespace detail
@@ -139,40 +155,37 @@ inline Detections load_detections(const std::filesystem::path& folder) {
     if (!list.is_array() || list.empty())
         throw IoError(video.string() + ": cameras must be a list with at least one camera");
     Detections result;
+    std::vector<std::vector<double>> times; // of each camera
+    std::string longest;
+    const auto place = [&](std::size_t c) { return video.string() + ": cameras[" + std::to_string(c) + "]"; };
     for (std::size_t c = 0; c < list.size(); ++c) {
-        const std::string place = video.string() + ": cameras[" + std::to_string(c) + "]";
-        detail::FilmedCamera filmed = detail::read_filmed_camera(list[c], place);
+        detail::FilmedCamera filmed = detail::read_filmed_camera(list[c], place(c));
         for (const NamedCamera& other : result.cameras)
-            check_value(other.name != filmed.camera.name, place, "name stands there twice");
-        if (c == 0) result.times = filmed.times;
-        if (filmed.times.size() != result.times.size())
-            throw IoError(place + ": times has " + std::to_string(filmed.times.size()) + " numbers, but those of " +
-                          detail::shortened(result.cameras[0].name) + " are " + std::to_string(result.times.size()));
-        const std::size_t T = result.times.size();
-        const double frame = T > 1 ? (result.times.back() - result.times.front()) / static_cast<double>(T - 1) : 1;
-        for (std::size_t t = 0; t < T; ++t)
-            check_value(std::abs(filmed.times[t] - result.times[t]) <= 0.5 * frame, place,
-                        "times[" + std::to_string(t) + "] is " + detail::number_text(filmed.times[t]) +
-                            ", expected at most half a frame from the " + detail::number_text(result.times[t]) +
-                            " of the first camera; let all cameras' images be of the same times");
+            check_value(other.name != filmed.camera.name, place(c), "name stands there twice");
+        if (filmed.times.size() > result.times.size())
+            result.times = filmed.times, longest = detail::shortened(filmed.camera.name);
+        times.push_back(std::move(filmed.times));
         result.cameras.push_back(std::move(filmed.camera));
         result.known_focal.push_back(filmed.known_focal);
     }
+    const std::size_t T = result.times.size();
+    const double frame = T > 1 ? (result.times.back() - result.times.front()) / static_cast<double>(T - 1) : 1;
+    for (std::size_t c = 0; c < times.size(); ++c)
+        for (std::size_t t = 0; t < times[c].size(); ++t)
+            check_value(std::abs(times[c][t] - result.times[t]) <= 0.5 * frame, place(c),
+                        "times[" + std::to_string(t) + "] is " + detail::number_text(times[c][t]) +
+                            ", expected at most half a frame from the " + detail::number_text(result.times[t]) +
+                            " of camera " + longest + "; let all cameras' images be of the same times");
     if (const fs::path calibration = folder / "calibration.json"; fs::exists(calibration, error))
         detail::calibrate(result, calibration);
     else if (result.cameras.size() > 1)
         throw IoError(calibration.string() + ": does not exist; several cameras need a calibration " +
                       "(scripts/detect --calibration FILE)");
-    const std::size_t T = result.times.size();
     fs::path keypoints = folder / "keypoints.json";
     if (!fs::exists(keypoints, error) && fs::is_directory(folder / "keypoints", error))
         keypoints = folder / "keypoints";
     result.keypoints = load_keypoints(keypoints, result.cameras, T);
-    for (const NamedCamera& camera : result.cameras)
-        result.masks.push_back(detail::mask_files(
-            folder / (fs::is_directory(folder / "masks_detected" / camera.name, error) ? "masks_detected" : "masks") /
-                camera.name,
-            T));
+    result.masks = detail::mask_files(folder, result.cameras, T);
     return result;
 }
 

@@ -31,8 +31,8 @@ namespace gsh {
 /// Loads intri.yml and extri.yml, images/CAMERA/NUMBER.jpg (or .png), masks/CAMERA/NUMBER.png (or mask/…; the person is
 /// white), and a person's poses, NUMBER.json. The capture's frames are those of the poses. options.poses names their
 /// folder; the default is that of easymocap_pose_folder, SMPL-X before SMPL-H and SMPL. It may also name any other
-/// input of load_any_motion. Poses without numbers belong to the first camera's images, in
-/// order.
+/// input of load_any_motion. Poses without numbers belong to the first camera's images, in order. Images and masks that
+/// are missing count as not taken.
 ///
 /// options.test_cameras and test_frames (counted from the first pose file) are used for evaluation. Without these
 /// options the last camera is the test camera if there are at least three. Images are undistorted.
@@ -117,28 +117,32 @@ Capture load_easymocap_capture(E& executor, const std::filesystem::path& folder,
     const auto mask_folder =
         std::filesystem::is_directory(folder / "masks", ignored) ? folder / "masks" : folder / "mask";
     const bool masked = std::filesystem::is_directory(mask_folder, ignored);
-    std::vector<std::filesystem::path> images, masks;
+    detail::PhotoFiles files;
     for (NamedCamera& camera : capture.cameras) {
-        const auto photos = detail::images_by_number(folder / "images" / camera.name);
-        const auto covers = masked ? detail::images_by_number(mask_folder / camera.name) : photos;
-        for (const long number : numbers) {
-            const auto photo = photos.find(number), cover = covers.find(number);
-            for (const auto& [found, place] :
-                 {std::pair(photo != photos.end(), folder / "images"), std::pair(cover != covers.end(), mask_folder)})
-                if (!found)
-                    throw IoError((place / camera.name).string() + ": the image of frame " + std::to_string(number) +
-                                  " is missing");
-            images.push_back(photo->second);
-            if (masked) masks.push_back(cover->second);
-        }
+        const auto append = [&](const std::filesystem::path& place, std::vector<std::filesystem::path>& list) {
+            const auto by_number = detail::images_by_number(place / camera.name);
+            std::filesystem::path first;
+            for (const long number : numbers) {
+                const auto file = by_number.find(number);
+                list.push_back(file != by_number.end() ? file->second : std::filesystem::path());
+                if (first.empty()) first = list.back();
+            }
+            if (first.empty())
+                throw IoError((place / camera.name).string() + ": has no image of the frames " +
+                              std::to_string(numbers.front()) + " to " + std::to_string(numbers.back()) + " of " +
+                              poses.string());
+            return first;
+        };
+        const auto first = append(folder / "images", files.images);
+        if (masked) append(mask_folder, files.masks);
         if (camera.camera.width == 0) {
-            const PixelImage first = read_image(images[images.size() - F]);
-            camera.camera.width = first.width, camera.camera.height = first.height;
+            const PixelImage image = read_image(first);
+            camera.camera.width = image.width, camera.camera.height = image.height;
         }
         if (camera.distortion)
             check_distortion((folder / "intri.yml").string(), camera.name, camera.camera, *camera.distortion);
     }
-    detail::load_photos(executor, images, masks, std::max(1, options.downscale), options, folder, capture, warnings);
+    detail::load_photos(executor, files, std::max(1, options.downscale), options, folder, capture, warnings);
     detail::finish_capture(capture, body, options, folder, warnings);
     return capture;
 }

@@ -61,8 +61,8 @@ struct GalaMotions {
 ///
 /// For the published scenes (idle, dribble, …), identified by the folder's name, frames and split are those in use.
 /// Otherwise all frames are used unless options specify them. Camera 6 (or the last one) is the test camera. Images
-/// that the split does not use are not read and count as not taken. options.poses may name another motion for
-/// options.person, with a pose for each of these frames.
+/// that the split does not use are not read and count as not taken, as do those that are missing, with a warning.
+/// options.poses may name another motion for options.person, with a pose for each of these frames.
 ///
 /// Errors  those of load_capture. A scene without training frames (gymnastics) has only motions: use load_gala_motions.
 template <HostExecutor E>
@@ -268,9 +268,7 @@ GalaScene load_gala_scene(E& executor, const std::filesystem::path& folder, cons
             const int frame = frames[(i - C) % F];
             if (!(full[c].role == NamedCamera::Role::test ? *split.test : *split.train).contains(frame)) return;
             const auto file = files[c].find(frame);
-            if (file == files[c].end())
-                throw IoError((folder / full[c].name).string() + ": the image of frame " + std::to_string(frame) +
-                              " is missing");
+            if (file == files[c].end()) return; // not taken
             path = file->second;
             capture.image_names[i - C] = path.stem().string();
             image = &capture.images[i - C];
@@ -281,6 +279,16 @@ GalaScene load_gala_scene(E& executor, const std::filesystem::path& folder, cons
     });
     check_value(!capture.views(false).empty(), folder.string(),
                 "no view is left for training; name another test camera");
+    std::vector<std::string> missing;
+    for (std::size_t i = 0; i < C * F; ++i) {
+        const bool test = full[i / F].role == NamedCamera::Role::test;
+        if (capture.images[i].data.empty() && (test ? *split.test : *split.train).contains(frames[i % F]))
+            missing.push_back("camera '" + full[i / F].name + "' frame " + std::to_string(frames[i % F]));
+    }
+    if (!missing.empty() && warnings)
+        warnings->push_back(folder.string() + ": " + std::to_string(missing.size()) +
+                            " photographs are missing and are left out: " +
+                            detail::listing(missing.size(), 6, [&](std::size_t k) { return missing[k]; }));
     const BodyModel& body = motions.bodies.empty() ? scene.rig.body
                                                    : motions.bodies[std::min(person, motions.bodies.size() - 1)];
     detail::finish_capture(capture, body, options, folder, warnings);

@@ -94,13 +94,15 @@ std::vector<Image<std::uint8_t>> load_person_masks(E& executor, const std::files
     std::vector<std::vector<std::filesystem::path>> files(capture.cameras.size());
     for (std::size_t c = 0; c < files.size(); ++c)
         if (const auto place = folder / capture.cameras[c].name; std::filesystem::is_directory(place, ignored))
-            files[c] = list_frames(place, frames, poses);
+            files[c] =
+                assign_frames({list_images(place)}, {place}, frames, "one per pose of " + poses.string()).rows[0];
+    const auto has_mask = [&](std::size_t c, std::size_t f) { return !files[c].empty() && !files[c][f].empty(); };
     std::vector<Image<std::uint8_t>> masks(capture.cameras.size() * frames);
     const std::vector<CaptureView> views = capture.views(true);
     std::vector<StoredMask> stored(views.size());
     load_all(executor, views.size(), [&](std::size_t i) {
         const auto [c, f] = views[i];
-        if (!files[c].empty()) stored[i] = read_mask(files[c][f]);
+        if (has_mask(c, f)) stored[i] = read_mask(files[c][f]);
     });
     std::vector<MaskMeaning> meanings(files.size(), MaskMeaning::soft);
     for (std::size_t c = 0; c < files.size(); ++c) {
@@ -115,7 +117,7 @@ std::vector<Image<std::uint8_t>> load_person_masks(E& executor, const std::files
     }
     load_all(executor, views.size(), [&](std::size_t i) {
         const auto [c, f] = views[i];
-        if (files[c].empty()) return;
+        if (!has_mask(c, f)) return;
         const NamedCamera& camera = cameras[c];
         CameraImage photo; // the mask's own size and orientation must be the camera's
         photo.image = PixelImage(4, camera.camera.height, camera.camera.width);

@@ -11,6 +11,7 @@
 #include <gsh/io/capture/capture_data.hpp>
 #include <gsh/io/capture/capture_images.hpp>
 #include <gsh/io/capture/capture_photos.hpp>
+#include <gsh/io/capture/frame_files.hpp>
 #include <gsh/io/file/folder_list.hpp>
 #include <gsh/io/file/json_file.hpp>
 #include <gsh/io/file/npy.hpp>
@@ -37,7 +38,8 @@ namespace gsh {
 ///
 ///     FOLDER/cameras.npz               intrinsic [3, 3], extrinsic [4, 4] (world to camera), height, width
 ///     FOLDER/images/*.png              frame n is the n-th in the order of the names (image_0000.png, …)
-///     FOLDER/masks/*.npy or *.png      [height, width], 0 or 1 (or 0 to 255), one per image
+///     FOLDER/masks/*.npy or *.png      [height, width], 0 or 1 (or 0 to 255), one per image; some may be missing, if
+///                                      the names end in numbers
 ///     FOLDER/poses/anim_nerf_train.npz, …_test.npz
 ///                                      betas, global_orient, body_pose [n, 69], transl: frames of the split only;
 ///                                      or poses/train.npz, poses/test.npz
@@ -184,11 +186,13 @@ Capture load_people_snapshot(E& executor, const std::filesystem::path& folder, c
     NamedCamera named;
     named.name = "camera";
     named.camera = detail::read_snapshot_camera(folder / "cameras.npz");
-    const auto images = detail::list_images(folder / "images"), masks = detail::list_masks(folder / "masks");
-    if (images.empty()) throw IoError((folder / "images").string() + ": holds no images");
-    if (masks.size() != images.size())
-        throw ShapeError((folder / "masks").string() + ": holds " + std::to_string(masks.size()) + " masks, expected " +
-                         std::to_string(images.size()) + ", one per image");
+    const std::vector<std::filesystem::path> folders{folder / "images", folder / "masks"};
+    auto listed = detail::list_images(folders[0]);
+    if (listed.empty()) throw IoError(folders[0].string() + ": holds no images");
+    const auto rows = detail::assign_frames({std::move(listed), detail::list_masks(folders[1])}, folders, 0,
+                                            "as many masks as images")
+                          .rows;
+    const auto &images = rows[0], &masks = rows[1];
     const int count = static_cast<int>(images.size());
 
     // Select the frames.
@@ -235,13 +239,13 @@ Capture load_people_snapshot(E& executor, const std::filesystem::path& folder, c
 
     // Load their images.
     capture.cameras.push_back(named);
-    std::vector<std::filesystem::path> chosen_images, chosen_masks;
+    detail::PhotoFiles chosen;
     for (std::size_t i = 0; i < frames.size(); ++i) {
         if (frames[i].test) capture.test_frames.push_back(static_cast<int>(i));
-        chosen_images.push_back(images[static_cast<std::size_t>(frames[i].number)]);
-        chosen_masks.push_back(masks[static_cast<std::size_t>(frames[i].number)]);
+        chosen.images.push_back(images[static_cast<std::size_t>(frames[i].number)]);
+        chosen.masks.push_back(masks[static_cast<std::size_t>(frames[i].number)]);
     }
-    detail::load_photos(executor, chosen_images, chosen_masks, factor, options, folder, capture, warnings);
+    detail::load_photos(executor, chosen, factor, options, folder, capture, warnings);
     detail::finish_capture(capture, body, options, folder, warnings);
     return capture;
 }
