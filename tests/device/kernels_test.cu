@@ -165,6 +165,7 @@ using Bodies = Types<
     gsh::detail::CompositeRgba8<true, T, gsh::detail::ImageBackground<T>>,
     gsh::detail::AverageChroma<T>, gsh::detail::InterpolateChroma<T>, gsh::detail::InterpolateChromaBackward<T>,
     gsh::detail::AverageChromaBackward<T>, gsh::detail::UnknownBackground<T>, gsh::detail::UnknownColors<T>,
+    gsh::detail::HiddenTruth<T>, gsh::detail::HiddenGradient<T>,
     gsh::detail::ApplyGain<T>, gsh::detail::ApplyGainBackward<T>, gsh::detail::MoveGains<T>,
     gsh::detail::KeepMoments<T>,
     gsh::detail::Difference<T>, gsh::detail::Accumulate<T>, gsh::detail::Accumulate<vec3<T>>,

@@ -103,3 +103,19 @@ TEST_CASE("wrong sizes are refused") {
     CHECK_THROWS_AS((void)unknown_pixels(rgba, height, width - 1, 2), ShapeError);
     CHECK_THROWS_AS((void)unknown_pixels(rgba, height, width, -1), ValueError);
 }
+
+TEST_CASE("hidden pixels are the white ones of a picture, and count before unknown ones") {
+    const std::vector<std::uint8_t> picture{0, 127, 128, 255};
+    const std::vector<UnknownPixel> hidden = hidden_pixels(picture);
+    REQUIRE(hidden.size() == 2);
+    CHECK(hidden[0].index == 2);
+    CHECK(hidden[1].index == 3);
+    CHECK(hidden[1].hidden == 1);
+    const std::vector<UnknownPixel> unknown{{0, {9, 9, 9}}, {2, {8, 8, 8}}}, both = with_hidden(unknown, hidden);
+    REQUIRE(both.size() == 3);
+    CHECK(both[0].hidden == 0);
+    CHECK(both[0].background[0] == 9);
+    CHECK(both[1].index == 2);
+    CHECK(both[1].hidden == 1);
+    CHECK(both[2].index == 3);
+}

@@ -172,6 +172,52 @@ TEST_CASE("at unknown pixels the photograph stays as it is, and splats lie over 
     }
 }
 
+TEST_CASE("hidden pixels are not compared, and give the render no gradient") {
+    for (const bool half_chroma : {false, true}) {
+        CAPTURE(half_chroma);
+        NoisyPhoto<cpu::Serial> noise;
+        noise.photo.half_chroma = half_chroma;
+        std::vector<UnknownPixel> unknown{{30, {10, 20, 30}}};
+        for (std::uint32_t i = 180; i < 200; ++i) unknown.push_back({i, {}, 1});
+        noise.photo.unknown = unknown;
+        NoiseLoss loss(noise.backend, {.ssim_weight = 0.3, .mask_weight = 0.5, .background = {0.2, 0.4, 0.6}});
+        const double before = noise.loss(loss);
+        for (const UnknownPixel& pixel : unknown) // what is seen there does not matter
+            if (pixel.hidden)
+                for (std::size_t c = 0; c < 4; ++c)
+                    noise.pixels[4 * pixel.index + c] = static_cast<std::uint8_t>(70 * c);
+        CHECK(noise.loss(loss) == before);
+        noise.pixels[4 * 30] ^= 255;
+        CHECK(noise.loss(loss) != before);
+
+        // L1 and mask: the adjoint is the gradient. (A window of SSIM that overlaps hidden pixels sees a photograph that
+        // follows the render, which the adjoint leaves out.)
+        NoiseLoss plain(noise.backend, {.ssim_weight = 0, .mask_weight = 0.5, .background = {0.2, 0.4, 0.6}});
+        Splats<cpu::Serial, double> dL_dsplats;
+        dL_dsplats.resize(9);
+        fill_zero(noise.backend, dL_dsplats.view());
+        noise.loss(plain);
+        plain.backward(noise.camera(), noise.view(), dL_dsplats.view());
+        constexpr double scale = noise_width * noise_height;
+        for (std::size_t i = 0; i < 9; ++i) {
+            const auto colors = test::scalars(dL_dsplats.colors[i]);
+            std::vector<double> scaled(colors.begin(), colors.end());
+            for (double& g : scaled) g *= scale;
+            test::check_gradient([&] { return scale * noise.loss(plain); }, test::scalars(noise.splats.colors[i]),
+                                 Span<const double>(scaled), {.step = 1e-6, .tolerance = 2e-6});
+        }
+
+        // With every pixel hidden there is nothing to learn, with SSIM, too.
+        unknown.clear();
+        for (std::uint32_t i = 0; i < noise_width * noise_height; ++i) unknown.push_back({i, {}, 1});
+        noise.photo.unknown = unknown;
+        fill_zero(noise.backend, dL_dsplats.view());
+        CHECK(std::abs(noise.loss(loss)) < 1e-12);
+        loss.backward(noise.camera(), noise.view(), dL_dsplats.view());
+        for (const double number : splat_numbers(dL_dsplats)) CHECK(number == 0);
+    }
+}
+
 TEST_CASE("a cropped photograph gives the loss, the gradient and the pictures of the whole, bit for bit") {
     for (const bool with_plate : {false, true}) {
         CAPTURE(with_plate);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gsh/backend/serial.hpp>
 #include <gsh/camera/pinhole.hpp>
+#include <gsh/image/trimap.hpp>
 #include <gsh/pipeline/reduced_photos.hpp>
 
 #include <doctest/doctest.h>
@@ -34,6 +35,14 @@ TEST_CASE("A reduced photograph shows each point at the reduced place, and keeps
     CHECK(small.frame == 3);
     CHECK(small.camera_index == 2);
     CHECK_FALSE(small.half_chroma);
+
+    std::vector<UnknownPixel> unknown{{4, {}}, {7 + 61 * 5, {}, 1}, {8 + 61 * 5, {}, 1}, {60, {}, 1}};
+    std::vector<Photo> doubted = photos;
+    doubted[0].unknown = unknown;
+    const ReducedPhotos hidden(backend, Span<const Photo>(doubted), 3);
+    REQUIRE(hidden.photos().at(0).unknown.size() == 1); // unknown pixels are believed; column 60 is in no whole block
+    CHECK(hidden.photos().at(0).unknown[0].index == 2 + 20 * 1);
+    CHECK(hidden.photos().at(0).unknown[0].hidden == 1);
 
     for (std::size_t i = 0; i < image.size(); i += 4) image[i + 3] = i / 4 % 61 < 31 && i / 4 / 61 > 40 ? 180 : 0;
     const ReducedPhotos masked(backend, Span<const Photo>(photos), 3);

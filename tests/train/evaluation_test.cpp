@@ -142,6 +142,17 @@ TEST_CASE("a photograph is compared with its own frame, whole and where its pers
     CHECK(compared.score.regions.empty());
     CHECK(compared.score.people.empty());
 
+    const std::vector<UnknownPixel> hidden{{5, {}, 1}};
+    photo.unknown = hidden;
+    const Comparison<double> without = compare(trainer, photo);
+    CHECK(without.mask.data[5] == 0);
+    CHECK(without.mask.data[4] == compared.mask.data[4]);
+    for (std::size_t c = 0; c < 3; ++c) {
+        const std::size_t at = c * without.mask.data.size() + 5;
+        CHECK(without.truth.data[at] == without.render.data[at]);
+    }
+    CHECK(without.score.psnr > compared.score.psnr);
+
     trainer.without_person = true;
     CHECK_THROWS_AS((void)compare(trainer, photo), ValueError);
 }

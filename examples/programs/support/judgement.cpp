@@ -31,7 +31,10 @@ Judge::~Judge() = default;
 
 Comparison<float> Judge::judge(Comparison<float> comparison, const Photo& photo) {
     const auto render = std::as_const(comparison.render).view(), truth = std::as_const(comparison.truth).view();
-    const std::vector<RegionLabels> labels = labels_of(photo);
+    std::vector<RegionLabels> labels = labels_of(photo);
+    for (RegionLabels& person : labels)
+        for (const UnknownPixel& pixel : photo.unknown)
+            if (pixel.hidden) person.labels[pixel.index] = RegionLabels::nothing;
     const auto score = [&](const Image<std::uint8_t>& mask) { return score_region(render, truth, mask.view()); };
     const auto score_regions = [&](const RegionLabels& seen, const auto& person) {
         std::vector<RegionScore> scores;

@@ -148,8 +148,10 @@ ReconstructionSetup make_setup(Machine& machine, const Source& source, const Con
     check_value(!setup.photos.empty(), source.capture.name, "has no photographs to train on");
     setup.unknown.reserve(setup.photos.size());
     for (Photo& photo : setup.photos) {
-        setup.unknown.push_back(unknown_pixels(photo.rgba, photo.camera.height, photo.camera.width,
-                                               configuration.unknown_band * photo.camera.height));
+        setup.unknown.push_back(
+            with_hidden(unknown_pixels(photo.rgba, photo.camera.height, photo.camera.width,
+                                       configuration.unknown_band * photo.camera.height),
+                        photo.unknown));
         photo.unknown = Span<const UnknownPixel>(setup.unknown.back());
         photo.half_chroma =
             configuration.half_chroma && has_half_chroma(photo.rgba, photo.camera.height, photo.camera.width);

@@ -7,6 +7,7 @@
 #include <gsh/check/capture_reading.hpp>
 #include <gsh/check/silhouette.hpp>
 #include <gsh/core/span.hpp>
+#include <gsh/image/trimap.hpp>
 #include <gsh/io/capture/capture_data.hpp>
 
 #include <algorithm>
@@ -93,6 +94,19 @@ public:
         return reduced_camera(read_as(capture_.cameras[c].camera, reading.cameras[c]), reduction(c, size));
     }
 
+    /// Removes the pixels of a view where something is in front of the people.
+    void hide(Silhouette& silhouette, CaptureView view, const CaptureReading& reading, int size) const {
+        const int width = capture_.cameras[view.camera].camera.width, factor = reduction(view.camera, size);
+        for (const UnknownPixel& pixel : capture_.hidden_in(view)) {
+            const int y = static_cast<int>(pixel.index) / width / factor;
+            int x = static_cast<int>(pixel.index) % width / factor;
+            if (x >= silhouette.width || y >= silhouette.height) continue;
+            if (reading.cameras[view.camera].mirrored_image) x = silhouette.width - 1 - x;
+            silhouette.inside[static_cast<std::size_t>(y) * static_cast<std::size_t>(silhouette.width) +
+                              static_cast<std::size_t>(x)] = 0;
+        }
+    }
+
     /// Calls see(index, vertices of each person) for every view that has a pose, in parallel. Poses are processed in
     /// batches to limit memory.
     template <class See>
@@ -143,7 +157,8 @@ public:
         for_views(views, reading, [&](std::size_t i, const std::vector<Vertices>& everybody) {
             ViewLook& result = looks[i];
             const Camera<double> seen_by = camera(views[i].camera, reading, size);
-            const std::vector<Silhouette> bodies = silhouettes(everybody, seen_by);
+            std::vector<Silhouette> bodies = silhouettes(everybody, seen_by);
+            for (Silhouette& silhouette : bodies) hide(silhouette, views[i], reading, size);
             const Silhouette body = united(bodies), person = mask(views[i], reading, size);
             result.valid = true;
             result.overlap = overlap(body, person);

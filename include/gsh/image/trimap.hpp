@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  The pixels along a mask's outline, where it is not believed, with the background that is estimated there.
+/// @file  Pixels whose mask is not believed: along its outline, with the background that is estimated there, and hidden
+///        ones.
 #pragma once
 
 #include <gsh/core/error.hpp>
@@ -11,15 +12,17 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <iterator>
 #include <vector>
 
 namespace gsh {
 
-/// A pixel that may show the foreground, the background or both.
+/// A pixel that may show the foreground, the background or both; or, if it is hidden, something in front of both, of
+/// which the foreground has nothing to learn.
 struct UnknownPixel {
     std::uint32_t index;        ///< row-major
     std::uint8_t background[3]; ///< estimated, display-referred sRGB
-    std::uint8_t padding = 0;
+    std::uint8_t hidden = 0;    ///< 1: the pixel is not compared at all
 };
 
 /// Whether every pixel without alpha is black, or every one white: then the background was removed from the image.
@@ -161,6 +164,26 @@ struct ColorRange {
         for_each_near(pixel.index, [&](std::size_t k) { surrounded &= near[k] == foreground; });
         return surrounded;
     });
+    return result;
+}
+
+/// The pixels that are hidden: those above half of 255 in a picture of one byte a pixel, row-major.
+[[nodiscard]] inline std::vector<UnknownPixel> hidden_pixels(Span<const std::uint8_t> picture) {
+    std::vector<UnknownPixel> result;
+    for (std::size_t i = 0; i < picture.size(); ++i)
+        if (picture[i] >= 128) result.push_back({static_cast<std::uint32_t>(i), {}, 1});
+    return result;
+}
+
+/// Both lists as one; hidden pixels count where a pixel is in both.
+///
+/// Shapes  both ascending, as unknown_pixels and hidden_pixels give them; so is the result.
+[[nodiscard]] inline std::vector<UnknownPixel> with_hidden(Span<const UnknownPixel> unknown,
+                                                           Span<const UnknownPixel> hidden) {
+    std::vector<UnknownPixel> result;
+    result.reserve(unknown.size() + hidden.size());
+    const auto earlier = [](const UnknownPixel& a, const UnknownPixel& b) { return a.index < b.index; };
+    std::set_union(hidden.begin(), hidden.end(), unknown.begin(), unknown.end(), std::back_inserter(result), earlier);
     return result;
 }
 

@@ -27,13 +27,13 @@ namespace detail {
 /// a recorded step (RepeatedStep) stays the same.
 [[nodiscard]] inline std::size_t unknown_slots(std::size_t unknown) { return unknown ? std::bit_ceil(unknown) : 0; }
 
-/// Writes the background of unknown pixels.
+/// Writes the background of unknown pixels that are not hidden.
 template <class T>
 struct UnknownBackground {
     Span<const UnknownPixel> unknown;
     Span<T> plate; // [3, plane]
     GSH_HD void operator()(std::size_t i) const {
-        if (i >= unknown.size()) return;
+        if (i >= unknown.size() || unknown[i].hidden) return;
         const UnknownPixel& pixel = unknown[i];
         for (std::size_t c = 0; c < 3; ++c)
             plate[c * (plate.size() / 3) + pixel.index] = T(pixel.background[c]) / T(255);

@@ -23,9 +23,9 @@ namespace gsh {
 ///         pixels of the box alone, and alpha is 0 outside (crop_photo). plate [height, width, 4] is opaque: the
 ///         camera's view without the person. It is empty for a plain background. The caller owns the memory of all. At
 ///         unknown pixels the mask is not believed: there the photograph is compared as it is, over the background that
-///         is estimated there. With half_chroma, its colours have half the resolution of its brightness, as in most
-///         JPEG files; the render is compared in the same way. Of the gradient of its loss, the share `weight` counts:
-///         a photograph whose pose or mask is not believed weighs less.
+///         is estimated there, or, if they are hidden, not compared. With half_chroma, its colours have half the
+///         resolution of its brightness, as in most JPEG files; the render is compared in the same way. Of the gradient
+///         of its loss, the share `weight` counts: a photograph whose pose or mask is not believed weighs less.
 struct Photo {
     std::string name;
     Camera<double> camera;

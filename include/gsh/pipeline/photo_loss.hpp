@@ -26,10 +26,39 @@
 
 namespace gsh {
 
+namespace detail {
+
+/// Replaces a photograph by the render at hidden pixels, so that they are equal there.
+template <class T>
+struct HiddenTruth {
+    Span<const UnknownPixel> unknown;
+    Span<const T> render; // [channels, plane]
+    Span<T> truth;        // [channels, plane]
+    std::size_t plane;
+    GSH_HD void operator()(std::size_t i) const {
+        if (i >= unknown.size() || !unknown[i].hidden) return;
+        for (std::size_t at = unknown[i].index; at < truth.size(); at += plane) truth[at] = render[at];
+    }
+};
+/// Clears the gradient at hidden pixels: SSIM compares windows, and so has one there, too.
+template <class T>
+struct HiddenGradient {
+    Span<const UnknownPixel> unknown;
+    Span<T> dL_drender; // [channels, plane]
+    std::size_t plane;
+    GSH_HD void operator()(std::size_t i) const {
+        if (i >= unknown.size() || !unknown[i].hidden) return;
+        for (std::size_t at = unknown[i].index; at < dL_drender.size(); at += plane) dL_drender[at] = T(0);
+    }
+};
+
+} // namespace detail
+
 /// loss = (1 - λ) L1 + λ (1 - SSIM) of render and photograph, plus mask_weight times the mean of |alpha - mask|.
 ///
-/// Render and photograph have the same background: the photograph's plate, or a plain colour. A step calls set_photo,
-/// render, compare and backward. The functions at the end make pictures on the host with the same renderer.
+/// Render and photograph have the same background: the photograph's plate, or a plain colour. At hidden pixels
+/// (UnknownPixel) they count as equal, and the render gets no gradient. A step calls set_photo, render, compare and
+/// backward. The functions at the end make pictures on the host with the same renderer.
 ///
 /// Frame   splats in the world, as the photograph's camera is.
 /// Units   display-referred sRGB.
@@ -63,7 +92,8 @@ public:
         resize(photo.camera.height, photo.camera.width);
         halve_chroma_ = photo.half_chroma;
         weight_ = T(photo.weight);
-        if (composites && pixels.unknown.empty()) {
+        unknown_ = pixels.unknown;
+        if (composites && unknown_.empty()) {
             is_composited_ = true;
             composite_ = backdrop_.composite(*backend_, pixels.rgba, pixels.box, pixels.plate, height_, width_);
             check_picture(*backend_, "PhotoLoss::set_photo", photo.name, composite_, 3, height_, width_);
@@ -115,6 +145,8 @@ public:
     /// Compares the render with the photograph.
     void compare() {
         if (halve_chroma_) half_chroma_.forward(view(render_, 3), view(render_, 3));
+        hide(render_, truth_);
+        if (with_mask()) hide(alpha_, mask_);
         with_truth([&](const auto& truth, const auto& mask) {
             photometric_.forward(view(render_, 3), truth, photometric_cache_);
             if (with_mask()) mask_loss_.forward(view(alpha_, 1), mask, mask_cache_);
@@ -146,6 +178,8 @@ public:
             if (with_mask())
                 mask_loss_.backward(view(alpha_, 1), mask, T(params_.mask_weight) * weight_, mask_cache_, dL_dalpha);
         });
+        hide_gradient(dL_drender.data);
+        hide_gradient(dL_dalpha.data);
         if (halve_chroma_) half_chroma_.backward(dL_drender);
         const RenderGradient<T> dL_dtarget{.color = dL_drender, .alpha = dL_dalpha};
         rasterizer_.backward(camera, splats, backdrop_.background(), dL_dtarget, raster_cache_, dL_dsplats, dL_dcamera);
@@ -217,6 +251,15 @@ private:
         }
         use(view(truth_, 3), with_mask() ? view(mask_, 1) : ImageView<T>{});
     }
+    /// At hidden pixels, copies the render to the photograph, or alpha to the mask.
+    void hide(const Buffer& render, Buffer& truth) {
+        backend_->for_each(detail::unknown_slots(unknown_.size()),
+                           detail::HiddenTruth<T>{unknown_, render, truth, plane_size()});
+    }
+    void hide_gradient(Span<T> dL_drender) {
+        backend_->for_each(detail::unknown_slots(dL_drender.empty() ? 0 : unknown_.size()),
+                           detail::HiddenGradient<T>{unknown_, dL_drender, plane_size()});
+    }
     void put_photograph(const typename PhotoPixels<B>::View& pixels, const ImageView<T>& mask) {
         is_composited_ = false;
         backdrop_.photograph(*backend_, pixels.rgba, pixels.box, pixels.plate, pixels.unknown, in(truth_, 3), mask);
@@ -245,6 +288,7 @@ private:
     bool halve_chroma_ = false;             // of the render, before it is compared
     T weight_ = T(1);                       // of the photograph
     int height_ = 0, width_ = 0;            // of the current photograph or picture
+    Span<const UnknownPixel> unknown_;      // of the current photograph
     bool is_composited_ = false;            // the photograph is read from composite_, not from truth_ and mask_
     CompositePicture<T> composite_;
     Buffer render_, truth_, dL_drender_;    // [3, height, width]; they keep the memory of the largest

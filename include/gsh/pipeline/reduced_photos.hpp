@@ -5,7 +5,9 @@
 #include <gsh/backend/backend.hpp>
 #include <gsh/camera/pinhole.hpp>
 #include <gsh/core/span.hpp>
+#include <gsh/image/pixel_box.hpp>
 #include <gsh/image/reduce.hpp>
+#include <gsh/image/trimap.hpp>
 #include <gsh/pipeline/photo.hpp>
 
 #include <algorithm>
@@ -33,7 +35,7 @@ namespace gsh {
 }
 
 /// Copies of photographs, reduced by a whole factor. A mask's outline is believed, because it is finer than a pixel,
-/// and colours have the resolution of their brightness.
+/// and colours have the resolution of their brightness. A pixel is hidden if one of those that it is made of is.
 class ReducedPhotos {
 public:
     /// Errors  those of reduce_rgba8.
@@ -50,7 +52,14 @@ public:
             photo.rgba = photo.box ? reduce(whole_photo(photo)) : reduce(photo.rgba);
             photo.box.reset();
             if (!photo.plate.empty()) photo.plate = reduce(photo.plate);
-            photo.unknown = {};
+            std::vector<std::uint8_t> hidden(photo.rgba.size() / 4, 0);
+            for (const UnknownPixel& pixel : photo.unknown) {
+                const int x = static_cast<int>(pixel.index) % width / factor,
+                          y = static_cast<int>(pixel.index) / width / factor;
+                const PixelBox reduced = whole_picture(height / factor, width / factor);
+                if (pixel.hidden && reduced.contains(x, y)) hidden[reduced.index(x, y)] = 255;
+            }
+            photo.unknown = Span<const UnknownPixel>(hidden_.emplace_back(hidden_pixels(hidden)));
             photo.half_chroma = false;
             photo.camera = reduced_camera(photo.camera, factor);
             photos_.push_back(std::move(photo));
@@ -65,6 +74,7 @@ public:
 private:
     std::vector<Photo> photos_;
     std::deque<std::vector<std::uint8_t>> pixels_; // a deque: their addresses do not change
+    std::deque<std::vector<UnknownPixel>> hidden_;
 };
 
 } // namespace gsh

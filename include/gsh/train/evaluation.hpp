@@ -5,6 +5,7 @@
 #include <gsh/core/error.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/image/image.hpp>
+#include <gsh/image/trimap.hpp>
 #include <gsh/loss/metrics.hpp>
 #include <gsh/pipeline/photo.hpp>
 
@@ -153,7 +154,8 @@ struct Comparison {
     Image<T> mask;          // [1, height, width] the photograph's alpha
 };
 
-/// Renders the photograph's view at its frame and compares the two.
+/// Renders the photograph's view at its frame and compares the two. At hidden pixels (UnknownPixel) the truth is the
+/// render, and the mask is 0.
 /// Errors  ValueError for a photograph with an empty mask, which shows no person.
 template <class TrainerType>
 [[nodiscard]] auto compare(TrainerType& trainer, const Photo& photo) {
@@ -161,6 +163,12 @@ template <class TrainerType>
     Comparison<T> result;
     trainer.render(photo, result.render);
     trainer.photo_pixels(photo, result.truth, result.mask);
+    const std::size_t plane = result.mask.data.size();
+    for (const UnknownPixel& pixel : photo.unknown) {
+        if (!pixel.hidden) continue;
+        for (std::size_t at = pixel.index; at < 3 * plane; at += plane) result.truth.data[at] = result.render.data[at];
+        result.mask.data[pixel.index] = T(0);
+    }
     const auto render = std::as_const(result.render).view(), truth = std::as_const(result.truth).view();
     result.score = ImageScore{.name = photo.name,
                               .psnr = psnr(render, truth),

@@ -281,6 +281,31 @@ TEST_CASE_FIXTURE(StoredCapture, "a missing photograph is left out, with a warni
     others_are_theirs(load(), {1, 3, 4, 7});
 }
 
+TEST_CASE_FIXTURE(StoredCapture, "what is in front of the person is read, and stored again") {
+    std::filesystem::create_directories(path / "hidden/cam1");
+    PixelImage white(1, 60, 64);
+    for (const std::size_t i : {5u, 64u * 59u + 63u}) white.data[i] = 255;
+    write_png(path / "hidden/cam1/0002.png", white);
+    const Capture read = load();
+    CHECK(read.hidden_in({0, 2}).empty());
+    CHECK(read.hidden_in({1, 1}).empty());
+    REQUIRE(read.hidden_in({1, 2}).size() == 2);
+    CHECK(read.hidden_in({1, 2})[1].index == 64 * 59 + 63);
+    CHECK(read.hidden_in({1, 2})[1].hidden == 1);
+    CHECK(photos_of(read, false)[5].unknown.data() == read.hidden_in({1, 2}).data());
+    save_capture(folder / "copy", read);
+    CHECK(load_capture(serial, folder / "copy", body).hidden_in({1, 2}).size() == 2);
+
+    write_png(path / "hidden/cam1/0007.png", white);
+    test::check_throws<IoError>([&] { (void)load(); },
+                                {"hidden/cam1/0007.png", "no image of this name", "images/cam1"});
+    std::filesystem::remove(path / "hidden/cam1/0007.png");
+    write_png(path / "hidden/cam1/0001.png", PixelImage(1, 60, 60));
+    test::check_throws<ShapeError>([&] { (void)load(); }, {"hidden/cam1/0001.png", "60 x 60", "64 x 60", "'cam1'"});
+    std::filesystem::rename(path / "hidden/cam1", path / "hidden/cam7");
+    test::check_throws<IoError>([&] { (void)load(); }, {"hidden/cam7", "no camera of this name"});
+}
+
 TEST_CASE_FIXTURE(StoredCapture, "a photograph without its mask is left out, with a warning") {
     PixelImage white(1, 60, 64);
     white.data.assign(white.data.size(), 255);

@@ -5,15 +5,22 @@
 #include <gsh/backend/backend.hpp>
 #include <gsh/body/body_model.hpp>
 #include <gsh/core/error.hpp>
+#include <gsh/core/span.hpp>
+#include <gsh/image/trimap.hpp>
 #include <gsh/io/capture/camera_file.hpp>
+#include <gsh/io/capture/camera_image.hpp>
 #include <gsh/io/capture/capture_data.hpp>
 #include <gsh/io/capture/capture_images.hpp>
 #include <gsh/io/capture/capture_photos.hpp>
+#include <gsh/io/file/folder_list.hpp>
 #include <gsh/io/image/image_file.hpp>
+#include <gsh/io/image/mask_file.hpp>
 #include <gsh/io/motion/any_motion.hpp>
 #include <gsh/io/motion/motion_file.hpp>
 
+#include <algorithm>
 #include <cstddef>
+#include <cstdint>
 #include <filesystem>
 #include <string>
 #include <system_error>
@@ -25,8 +32,9 @@ namespace gsh {
 /// Loads DIR/cameras.json, DIR/poses.npz (or other poses) and the images DIR/images/CAMERA/FRAME.png (or .jpg), in the
 /// order of their names. The mask is the images' alpha, or DIR/masks/CAMERA/FRAME.png with a white person. A frame may
 /// lack the image or the mask of a camera if its files are numbered (detail::assign_frames).
-/// DIR/backgrounds/CAMERA.png (or .jpg), for all cameras or none, shows the scene without the person. Images of cameras
-/// with distortion are undistorted. `body` is the body model of the poses.
+/// DIR/backgrounds/CAMERA.png (or .jpg), for all cameras or none, shows the scene without the person.
+/// DIR/hidden/CAMERA/FRAME.png is white where something is in front of the person; any photograph may have one. Images
+/// of cameras with distortion are undistorted. `body` is the body model of the poses.
 ///
 /// Errors    IoError, ShapeError, ValueError naming the file: images, poses and cameras that do not match, masks whose
 ///           meaning is unclear, no view to train on, and all errors of the readers of the single files.
@@ -41,6 +49,49 @@ template <HostExecutor E>
 inline void save_capture(const std::filesystem::path& folder, const Capture& capture);
 
 // -------------------------------------------------------------------------------------------------------------
+
+namespace detail {
+
+/// Fills capture.hidden from DIR/hidden/CAMERA/FRAME.png, named as the images. `cameras` are those of the files.
+///
+/// Errors  IoError for a folder of no camera and a file of no photograph; those of read_mask and fitted_mask.
+template <HostExecutor E>
+void load_hidden(E& executor, const std::filesystem::path& folder, const std::vector<NamedCamera>& cameras,
+                 Capture& capture) {
+    const std::size_t frames = capture.frame_count();
+    std::vector<std::filesystem::path> files(capture.images.size());
+    for (const auto& place : list_folder(folder / "hidden", "a folder of each camera")) {
+        const auto camera = std::find_if(cameras.begin(), cameras.end(), [&](const NamedCamera& known) {
+            return known.name == place.filename().string();
+        });
+        if (camera == cameras.end())
+            throw IoError(place.string() + ": there is no camera of this name in cameras.json");
+        const std::size_t first = static_cast<std::size_t>(camera - cameras.begin()) * frames;
+        for (const auto& path : list_images(place)) {
+            const auto begin = capture.image_names.begin() + static_cast<std::ptrdiff_t>(first),
+                       end = begin + static_cast<std::ptrdiff_t>(frames),
+                       name = std::find(begin, end, path.stem().string());
+            if (name == end)
+                throw IoError(path.string() + ": there is no image of this name in images/" + camera->name);
+            files[first + static_cast<std::size_t>(name - begin)] = path;
+        }
+    }
+    capture.hidden.resize(files.size());
+    load_all(executor, files.size(), [&](std::size_t i) {
+        if (files[i].empty() || capture.images[i].data.empty()) return;
+        const NamedCamera& camera = cameras[i / frames];
+        CameraImage photo; // the picture's own size and orientation must be the camera's
+        photo.image = PixelImage(4, camera.camera.height, camera.camera.width);
+        set_alpha(fitted_mask(files[i], read_mask(files[i]), photo, ", as camera '" + camera.name + "' says"),
+                  photo.image);
+        if (camera.distortion) photo.image = straighten(photo.image, camera);
+        std::vector<std::uint8_t> white(photo.image.data.size() / 4);
+        for (std::size_t k = 0; k < white.size(); ++k) white[k] = photo.image.data[4 * k + 3];
+        capture.hidden[i] = hidden_pixels(white);
+    });
+}
+
+} // namespace detail
 
 template <HostExecutor E>
 Capture load_capture(E& executor, const std::filesystem::path& folder, const BodyModel& body,
@@ -85,6 +136,7 @@ Capture load_capture(E& executor, const std::filesystem::path& folder, const Bod
             }
             capture.backgrounds.push_back(std::move(image));
         }
+    if (std::filesystem::is_directory(folder / "hidden")) detail::load_hidden(executor, folder, distorted, capture);
     detail::finish_capture(capture, body, options, folder, warnings);
     return capture;
 }
@@ -117,6 +169,14 @@ inline void save_capture(const std::filesystem::path& folder, const Capture& cap
             const PixelImage& image = taken ? capture.image({c, f}) : PixelImage(4, camera.height, camera.width);
             detail::check_image_size(images / name, image, capture.cameras[c]);
             write_png(images / name, image);
+            const Span<const UnknownPixel> hidden = capture.hidden_in({c, f});
+            if (hidden.empty()) continue;
+            const auto place = folder / "hidden" / capture.cameras[c].name;
+            std::filesystem::create_directories(place, error);
+            if (error) throw IoError(place.string() + ": cannot be created: " + error.message());
+            PixelImage white(1, camera.height, camera.width);
+            for (const UnknownPixel& pixel : hidden) white.data[pixel.index] = 255;
+            write_png(place / name, white);
         }
     }
     save_motion(folder / "poses.npz", capture.motion);

@@ -5,6 +5,8 @@
 #include <gsh/body/motion.hpp>
 #include <gsh/body/motion_span.hpp>
 #include <gsh/core/error.hpp>
+#include <gsh/core/span.hpp>
+#include <gsh/image/trimap.hpp>
 #include <gsh/io/capture/named_camera.hpp>
 #include <gsh/io/image/image_file.hpp>
 #include <gsh/io/motion/motion_options.hpp>
@@ -44,6 +46,8 @@ struct Capture {
     std::vector<std::size_t> held_out_frames = {};
     /// The names of the images' files without extension, [cameras * frames]; empty if they come from no files.
     std::vector<std::string> image_names = {};
+    /// The pixels of each image where something is in front of the person, [cameras * frames]; empty if there are none.
+    std::vector<std::vector<UnknownPixel>> hidden = {};
 
     [[nodiscard]] std::size_t frame_count() const { return motion.frame_count(); }
     [[nodiscard]] const PixelImage& image(CaptureView view) const {
@@ -52,6 +56,11 @@ struct Capture {
     [[nodiscard]] PixelImage& image(CaptureView view) { return images[view.camera * frame_count() + view.frame]; }
     /// Whether the image was taken. Before images are loaded, all count as taken.
     [[nodiscard]] bool is_taken(CaptureView view) const { return images.empty() || !image(view).data.empty(); }
+    /// The pixels of a view that are not compared, because something is in front of the person.
+    [[nodiscard]] Span<const UnknownPixel> hidden_in(CaptureView view) const {
+        if (hidden.empty()) return {};
+        return hidden[view.camera * frame_count() + view.frame];
+    }
     /// The camera's background; null if there is none.
     [[nodiscard]] const PixelImage* background(std::size_t camera) const {
         return backgrounds.empty() ? nullptr : &backgrounds[camera];

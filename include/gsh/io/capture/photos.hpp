@@ -23,7 +23,8 @@ namespace gsh {
         std::snprintf(frame, sizeof frame, "%04zu", view.frame);
         const PixelImage* plate = capture.background(view.camera);
         photos.push_back({camera.name + "_" + frame, camera.camera, view.frame, capture.image(view).data, view.camera,
-                          plate ? Span<const std::uint8_t>(plate->data) : Span<const std::uint8_t>()});
+                          plate ? Span<const std::uint8_t>(plate->data) : Span<const std::uint8_t>(),
+                          capture.hidden_in(view)});
     }
     return photos;
 }
