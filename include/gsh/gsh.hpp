@@ -178,6 +178,7 @@
 #include <gsh/fit/associate_people.hpp>
 #include <gsh/fit/body_height.hpp>
 #include <gsh/fit/fit_motion.hpp>
+#include <gsh/fit/fit_people.hpp>
 #include <gsh/fit/frame_kinematics.hpp>
 #include <gsh/fit/joint_pulls.hpp>
 #include <gsh/fit/jumping_points.hpp>
