@@ -175,6 +175,7 @@
 #include <gsh/avatar/skinned_gaussian.hpp>
 #include <gsh/avatar/still_frames.hpp>
 
+#include <gsh/fit/absent_people.hpp>
 #include <gsh/fit/associate_people.hpp>
 #include <gsh/fit/body_height.hpp>
 #include <gsh/fit/fit_motion.hpp>

@@ -25,9 +25,10 @@ struct PersonToFit {
 
 /// What all people together show of their cameras.
 ///
-/// Offsets of clocks τ minimise Σ (τ_c + g_p - τ_pc)² / σ_pc², with τ_pc and σ_pc those of person p alone, whose mean is
-/// only known up to a common g_p. Those of less than a tenth of a frame are zero. Shifts of principal points are means,
-/// weighted by the number of keypoints, and zero below 0.5% of the image. The focal length is the geometric mean.
+/// Offsets of clocks τ minimise Σ (τ_c + g_p - τ_pc)² / σ_pc², with τ_pc and σ_pc those of person p alone, which are
+/// only known up to a common g_p. Those of less than a tenth of a frame are zero. Shifts of principal points are
+/// means, weighted by the number of keypoints, and zero below 0.5% of the image. The focal length is the geometric
+/// mean.
 [[nodiscard]] inline CameraFindings common_findings(const std::vector<MotionFit>& fits,
                                                     const std::vector<Camera<double>>& cameras, double frame_seconds) {
     const std::size_t C = cameras.size();
