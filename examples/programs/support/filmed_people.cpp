@@ -71,19 +71,20 @@ std::vector<std::string> WantedPeople::names(std::size_t count) const {
     return result;
 }
 
-FilmedPeople people_of(const Detections& detections, const WantedPeople& wanted,
-                       const std::function<MaskView(std::size_t camera, std::size_t frame)>& mask) {
+FilmedPeople people_of(const Detections& detections, const WantedPeople& wanted, const std::string& where) {
     std::vector<Camera<double>> cameras;
     for (const NamedCamera& camera : detections.cameras) cameras.push_back(camera.camera);
     const AssociatedPeople who =
         associate_people(cameras, detections.keypoints, detections.times, {.count = wanted.count()});
-    check_value(!wanted.count() || who.count == *wanted.count() || who.count == 0, "--people",
+    check_value(who.count > 0, where,
+                "nobody was found in any photograph; look at the pictures, and at the detector's messages");
+    check_value(!wanted.count() || who.count == *wanted.count(), "--people",
                 "asks for " + std::to_string(wanted.count().value_or(0)) + " people, and " + std::to_string(who.count) +
                     (who.count == 1 ? " was" : " were") + " found; scripts/detect finds one person only");
     FilmedPeople result{.people = {}, .in_view = who.in_view};
     const std::vector<std::string> names = wanted.names(who.count);
     for (std::size_t p = 0; p < who.count; ++p)
-        result.people.push_back({names[p], {}, std::vector<bool>(detections.times.size(), false)});
+        result.people.push_back({names[p], {}, {}, std::vector<bool>(detections.times.size(), false)});
     for (std::size_t i = 0; i < detections.keypoints.size(); ++i) {
         const PhotoKeypoints& photo = detections.keypoints[i];
         for (std::size_t k = 0; k < photo.people.size(); ++k) {
@@ -93,8 +94,8 @@ FilmedPeople people_of(const Detections& detections, const WantedPeople& wanted,
             for (std::size_t other = 0; other < photo.people.size(); ++other)
                 alone &= other == k || who.person_of[i][other] < 0 || !box.meets(PersonBox(photo.people[other]));
             FilmedPerson& person = result.people[static_cast<std::size_t>(who.person_of[i][k])];
-            person.photos.push_back(
-                {photo.camera, photo.frame, photo.people[k], alone ? mask(photo.camera, photo.frame) : MaskView{}});
+            person.photos.push_back({photo.camera, photo.frame, photo.people[k]});
+            person.alone.push_back(alone);
             person.seen[photo.frame] = true;
         }
     }

@@ -6,8 +6,6 @@
 #include <gsh/io/capture/detections.hpp>
 
 #include <cstddef>
-#include <filesystem>
-#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -37,6 +35,8 @@ private:
 struct FilmedPerson {
     std::string name; ///< empty for a single person without a name
     std::vector<PersonPhoto> photos;
+    std::vector<bool>
+        alone; // [photos] whether no other one of them is near; else the mask's outline is not the person's
     std::vector<bool> seen; // [T] in any photograph
 
     [[nodiscard]] std::string poses() const { return (name.empty() ? "poses" : name) + ".npz"; }
@@ -47,11 +47,9 @@ struct FilmedPeople {
     std::size_t in_view = 0; ///< people who are seen nearly as long and as large
 };
 
-/// Tells the people apart, and gives each photograph its mask, but where another one of them is near: there, the mask's
-/// outline is not the person's.
+/// Tells the people apart. Their photographs have no masks yet.
 ///
-/// Errors  ValueError if fewer people are found than are wanted, but nobody at all is no error.
-FilmedPeople people_of(const Detections& detections, const WantedPeople& wanted,
-                       const std::function<MaskView(std::size_t camera, std::size_t frame)>& mask);
+/// Errors  ValueError if nobody was found, or fewer people than are wanted; `where` begins the message of the former.
+FilmedPeople people_of(const Detections& detections, const WantedPeople& wanted, const std::string& where);
 
 } // namespace gsh::examples

@@ -294,15 +294,17 @@ FittedCapture fit_capture(const FitOptions& options, const std::vector<std::file
     if (options.focal)
         detections.cameras[0].camera.fx = detections.cameras[0].camera.fy = *options.focal,
         detections.known_focal[0] = true;
-    LoadedMasks masks(detections);
-    const FilmedPeople filmed =
-        people_of(detections, wanted, [&](std::size_t c, std::size_t t) { return masks.at(c, t); });
+    FilmedPeople filmed = people_of(detections, wanted, options.detections.string());
     const std::size_t P = filmed.people.size();
-    check_value(P > 0, options.detections.string(),
-                "nobody was found in any photograph; look at the pictures, and at the detector's messages");
     check_value(options.heights.empty() || options.heights.size() == P, "--height",
                 "has " + std::to_string(options.heights.size()) + " heights for " + std::to_string(P) +
                     (P == 1 ? " person" : " people"));
+
+    LoadedMasks masks(detections);
+    for (FilmedPerson& person : filmed.people)
+        for (std::size_t i = 0; i < person.photos.size(); ++i)
+            if (PersonPhoto& photo = person.photos[i]; person.alone[i])
+                photo.mask = masks.at(photo.camera, photo.frame);
 
     std::vector<Camera<double>> cameras;
     for (const NamedCamera& camera : detections.cameras) cameras.push_back(camera.camera);
