@@ -27,9 +27,12 @@ int main(int argc, char** argv) {
         ->check(CLI::Range(1, 400));
     app.add_option("--to", to, "also write the motion alone: OUT.bvh, OUT.glb or OUT.npz, any number of times");
     return run_program(app, argc, argv, [&] {
-        for (const std::string& sentence : fit_capture(options, to)) std::printf("note: %s\n", sentence.c_str());
-        std::printf("next: gsh-check %s --body %s\n", shell_word(options.detections.string()).c_str(),
-                    shell_word(options.body.string()).c_str());
+        const FittedCapture fitted = fit_capture(options, to);
+        for (const std::string& note : fitted.notes) std::printf("note: %s\n", note.c_str());
+        std::string next =
+            "gsh-check " + shell_word(options.detections.string()) + " --body " + shell_word(options.body.string());
+        for (const std::string& word : fitted.poses_option()) next += " " + shell_word(word);
+        std::printf("next: %s\n", next.c_str());
         return exit_done;
     });
 }

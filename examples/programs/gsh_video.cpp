@@ -16,6 +16,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
+#include <map>
 #include <string>
 #include <system_error>
 #include <utility>
@@ -73,19 +74,22 @@ int make(VideoOptions options) {
 
     std::printf("== fitting the body\n");
     options.fit.detections = capture;
-    const auto fitted = [&] {
-        std::error_code error;
-        const fs::path poses = capture / "poses.npz";
-        return fs::exists(poses, error) ? read_file(poses) : std::string();
+    const auto motions = [&] {
+        std::map<std::string, std::string> files;
+        for (const auto& entry : fs::directory_iterator(capture))
+            if (entry.path().extension() == ".npz") files[entry.path().filename().string()] = read_file(entry.path());
+        return files;
     };
-    const std::string before = fitted(); // the same fit gives the same bytes
-    const std::vector<std::string> notes = fit_capture(options.fit, {});
-    const bool same_fit = fitted() == before;
-    for (const std::string& note : notes) std::printf("note: %s\n", note.c_str());
+    const auto before = motions(); // the same fit gives the same bytes
+    const FittedCapture fitted = fit_capture(options.fit, {});
+    const bool same_fit = motions() == before;
+    for (const std::string& note : fitted.notes) std::printf("note: %s\n", note.c_str());
+    const std::vector<std::string> poses = fitted.poses_option();
 
-    stage("checking the capture",
-          {programs + "gsh-check", capture.string(), "--body", options.fit.body.string(), "--out", check.string()},
-          {0, 1}); // doubts are no errors
+    std::vector<std::string> look{programs + "gsh-check",    capture.string(), "--body",
+                                  options.fit.body.string(), "--out",          check.string()};
+    look.insert(look.end(), poses.begin(), poses.end());
+    stage("checking the capture", look, {0, 1}); // doubts are no errors
 
     std::vector<std::string> reconstruct{programs + "gsh-reconstruct",
                                          "--capture",
@@ -97,6 +101,7 @@ int make(VideoOptions options) {
                                          "--refine",
                                          "--keypoints",
                                          (capture / "keypoints.json").string()};
+    reconstruct.insert(reconstruct.end(), poses.begin(), poses.end());
     std::error_code error;
     if (same_fit && fs::exists(avatar / "checkpoint.gsh", error)) reconstruct.push_back("--resume");
     if (options.steps > 0) reconstruct.insert(reconstruct.end(), {"--steps", std::to_string(options.steps)});
@@ -104,7 +109,7 @@ int make(VideoOptions options) {
     if (options.threads > 0) reconstruct.insert(reconstruct.end(), {"--threads", std::to_string(options.threads)});
     stage("reconstructing the avatar", reconstruct);
 
-    write_video_report(options.out, options.fit.body, notes);
+    write_video_report(options.out, options.fit.body, fitted);
     std::printf("see   %s\nnext: %sgsh-view %s\n", (options.out / "report.html").c_str(), programs.c_str(),
                 shell_word((avatar / "avatar.gsh").string()).c_str());
     return exit_done;

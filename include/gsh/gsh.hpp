@@ -14,6 +14,7 @@
 
 #include <gsh/math/activation.hpp>
 #include <gsh/math/affine.hpp>
+#include <gsh/math/assignment.hpp>
 #include <gsh/math/bordered_band.hpp>
 #include <gsh/math/dual_quat.hpp>
 #include <gsh/math/linalg.hpp>
@@ -174,8 +175,11 @@
 #include <gsh/avatar/skinned_gaussian.hpp>
 #include <gsh/avatar/still_frames.hpp>
 
+#include <gsh/fit/absent_people.hpp>
+#include <gsh/fit/associate_people.hpp>
 #include <gsh/fit/body_height.hpp>
 #include <gsh/fit/fit_motion.hpp>
+#include <gsh/fit/fit_people.hpp>
 #include <gsh/fit/frame_kinematics.hpp>
 #include <gsh/fit/joint_pulls.hpp>
 #include <gsh/fit/jumping_points.hpp>
@@ -190,10 +194,13 @@
 #include <gsh/fit/motion_start.hpp>
 #include <gsh/fit/motion_state.hpp>
 #include <gsh/fit/outlines.hpp>
+#include <gsh/fit/person_sights.hpp>
+#include <gsh/fit/person_tracks.hpp>
 #include <gsh/fit/pose_axes.hpp>
 #include <gsh/fit/side_swaps.hpp>
 #include <gsh/fit/standing_world.hpp>
 #include <gsh/fit/time_offsets.hpp>
+#include <gsh/fit/track_groups.hpp>
 #include <gsh/fit/triangulation.hpp>
 #include <gsh/fit/turn.hpp>
 #include <gsh/fit/view_keypoints.hpp>

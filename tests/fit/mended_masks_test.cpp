@@ -9,6 +9,7 @@
 
 #include <doctest/doctest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -60,7 +61,10 @@ struct Turning {
         return mender;
     }
     MaskChange mend(MaskMender& mender, std::size_t t, std::vector<std::uint8_t>& mask) const {
-        return mender.mend(frames[t], {}, camera, Span<const vec3<double>>(vertices[t]), mask);
+        return mend_mask({claim(mender, t)}, mask);
+    }
+    [[nodiscard]] MaskClaim claim(MaskMender& mender, std::size_t t) const {
+        return mender.claim(frames[t], {}, camera, Span<const vec3<double>>(vertices[t]));
     }
 };
 
@@ -105,4 +109,56 @@ TEST_CASE("a thing beside the person is cut off, a lost limb is filled in, in th
     std::vector<std::uint8_t> elsewhere(whole[0].size(), 0);
     for (std::size_t i = 0; i + 40 < elsewhere.size(); ++i) elsewhere[i] = whole[0][i + 40];
     CHECK(scene.mend(mender, 0, elsewhere).removed == 0);
+}
+
+TEST_CASE("a mask of two people keeps both, loses what belongs to neither, and gets back what either lacks") {
+    const Turning scene(0.02);
+    MaskMender mender = scene.watched();
+    // The same person once more, to the right, partly behind: people overlap by an arm.
+    const std::size_t t = 0;
+    FrameNumbers beside = scene.frames[t];
+    const vec3<double> step(0.62, 0, -0.3);
+    beside.transl += step;
+    std::vector<vec3<double>> vertices = scene.vertices[t];
+    for (vec3<double>& vertex : vertices) vertex += step;
+    const MaskClaim ann = scene.claim(mender, t);
+    MaskClaim bob = mender.claim(beside, {}, scene.camera, Span<const vec3<double>>(vertices));
+    std::vector<std::uint8_t> both = scene.masks[t];
+    std::size_t bobs = 0, added = 0;
+    for (std::size_t i = 0; i < both.size(); ++i) {
+        bobs += bob.body[i] && !both[i];
+        if (bob.body[i]) both[i] = 255;
+    }
+    REQUIRE(bobs > 1000);
+    const auto count = [](const std::vector<std::uint8_t>& mask) {
+        return static_cast<std::size_t>(std::count(mask.begin(), mask.end(), 255));
+    };
+    std::vector<std::uint8_t> mask = both;
+    CHECK(mend_mask({ann, bob}, mask).removed < 0.03);
+    CHECK(mask == both);
+    // Ann alone would cut him off.
+    CHECK(mend_mask({ann}, mask).removed > 0.5);
+    CHECK(count(mask) < count(both) - bobs / 2);
+    // A box above both is cut off; a stripe through Bob's trunk is filled in, unless he is not believed.
+    mask = both;
+    for (int y = 5; y < 25; ++y)
+        for (int x = 20; x < 60; ++x) {
+            added += !mask[static_cast<std::size_t>(200 * y + x)];
+            mask[static_cast<std::size_t>(200 * y + x)] = 255;
+        }
+    CHECK(mend_mask({ann, bob}, mask).removed > 0);
+    CHECK(count(mask) == count(both));
+    std::vector<std::uint8_t> striped = both;
+    for (std::size_t i = 0; i < striped.size(); ++i)
+        if (bob.core[i] && !ann.body[i] && i / 200 % 8 < 2) striped[i] = 0;
+    mask = striped;
+    mend_mask({ann, bob}, mask);
+    CHECK(mask == both);
+    bob.believed = false;
+    mask = striped;
+    mend_mask({ann, bob}, mask);
+    CHECK(mask == striped); // and he is still not cut off
+    // Who may be anywhere: nothing is cut.
+    mask = both;
+    CHECK(mend_mask({ann}, mask, false).removed == 0);
 }

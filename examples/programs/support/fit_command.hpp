@@ -7,11 +7,18 @@
 
 namespace gsh::examples {
 
-/// The options --body, --height, --focal, --turn and --test-every.
+/// The options --body, --people, --height, --focal, --turn and --test-every.
 inline void add_fit(CLI::App& app, FitOptions& options) {
     app.add_option("--body", options.body, "BODY.npz: with the joints of SMPL-X (gsh-body makes one)")->required();
-    app.add_option("--height", options.height, "height of the person, metres; one camera cannot see it")
-        ->check(CLI::Range(0.3, 3.0));
+    app.add_option("--people", options.people,
+                   "several people: their number, or their names from left to right, as in ann,bob; auto: as many as "
+                   "are found (default: the person who is seen longest and largest)");
+    app.add_option("--height", options.heights,
+                   "height of the person, metres; one camera cannot see it; for several people one for each, separated "
+                   "by commas")
+        ->check(CLI::Range(0.3, 3.0))
+        ->delimiter(',')
+        ->allow_extra_args(false);
     app.add_option("--focal", options.focal,
                    "focal length of a single camera in pixels of its images (default: of the metadata, else learned)")
         ->check(above_zero());

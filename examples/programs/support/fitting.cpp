@@ -2,6 +2,7 @@
 #include "support/fitting.hpp"
 
 #include "support/figures.hpp"
+#include "support/filmed_people.hpp"
 #include "support/input_files.hpp"
 #include "support/motion_output.hpp"
 #include "support/progress.hpp"
@@ -11,8 +12,9 @@
 #include <gsh/body/moved_motion.hpp>
 #include <gsh/body/posed_body.hpp>
 #include <gsh/core/error.hpp>
+#include <gsh/fit/absent_people.hpp>
 #include <gsh/fit/body_height.hpp>
-#include <gsh/fit/fit_motion.hpp>
+#include <gsh/fit/fit_people.hpp>
 #include <gsh/fit/mended_masks.hpp>
 #include <gsh/fit/outlines.hpp>
 #include <gsh/fit/standing_world.hpp>
@@ -27,6 +29,9 @@
 #include <cmath>
 #include <cstddef>
 #include <filesystem>
+#include <iterator>
+#include <memory>
+#include <optional>
 #include <string>
 #include <system_error>
 #include <utility>
@@ -66,29 +71,64 @@ struct MendedMasks {
     std::size_t cut = 0, filled = 0; ///< photographs in which more than 1% of the body's area changed
 };
 
+/// A person, and the motion that was found.
+struct Fitted {
+    const FilmedPerson* person = nullptr;
+    const MotionFit* fit = nullptr;
+    std::vector<bool> absent; // [T] out of view
+};
+
+/// The body of one person, as it mends masks.
+class MendingBody {
+public:
+    MendingBody(const BodyModel& model, const Fitted& person)
+        : model_(&model), person_(&person), body_(model, static_cast<int>(person.fit->state.betas.size())),
+          samples_(model, body_), mender_(model, body_, samples_) {
+        std::vector<double> fits;
+        for (const double metres : person.fit->frame_fit)
+            if (std::isfinite(metres)) fits.push_back(metres);
+        usual_ = median(fits);
+    }
+    [[nodiscard]] bool seen(std::size_t frame) const { return person_->person->seen[frame]; }
+    [[nodiscard]] bool absent(std::size_t frame) const { return person_->absent[frame]; }
+    /// The body is believed where it lies as near to the keypoints as it usually does.
+    [[nodiscard]] bool believed(std::size_t camera, std::size_t frame) const {
+        const MotionFit& fit = *person_->fit;
+        return fit.frame_fit[frame] < 1.5 * usual_ &&
+               std::find(fit.left_out.begin(), fit.left_out.end(), std::pair(camera, frame)) == fit.left_out.end();
+    }
+    void watch(std::size_t frame, const Camera<double>& camera, const MaskView& mask) {
+        mender_.watch(person_->fit->state.frames[frame], person_->fit->state.betas, camera, mask);
+    }
+    [[nodiscard]] MaskClaim claim(std::size_t frame, const Camera<double>& camera) {
+        const MotionFit& fit = *person_->fit;
+        const PosedBody posed =
+            pose_body(*model_, fit.motion.pose_at(frame), fit.motion.transl[frame], fit.motion.betas);
+        return mender_.claim(fit.state.frames[frame], fit.state.betas, camera,
+                             Span<const vec3<double>>(posed.vertices));
+    }
+
+private:
+    const BodyModel* model_;
+    const Fitted* person_;
+    FittedBody body_;
+    OutlineSamples samples_;
+    MaskMender mender_; // sees the body and the samples
+    double usual_ = 0;  // metres
+};
+
 /// Writes the mended masks to masks/; the detector's go to masks_detected/, from which the next fit reads them.
 MendedMasks mend_masks(const fs::path& folder, const Detections& detections, LoadedMasks& masks, const BodyModel& model,
-                       const MotionFit& fit, const std::vector<Camera<double>>& cameras) {
+                       const std::vector<Fitted>& people, const std::vector<Camera<double>>& cameras) {
     MendedMasks result;
-    const Motion& posed = fit.motion;
-    const FittedBody body(model, static_cast<int>(fit.state.betas.size()));
-    const OutlineSamples samples(model, body);
-    MaskMender mender(model, body, samples);
+    const std::size_t C = cameras.size(), T = detections.times.size();
+    std::vector<std::unique_ptr<MendingBody>> bodies;
+    for (const Fitted& person : people) bodies.push_back(std::make_unique<MendingBody>(model, person));
     Progress shown("mending masks");
-    const std::size_t C = cameras.size(), T = posed.frame_count();
-    for (std::size_t c = 0; c < C; ++c)
-        for (std::size_t t = 0; t < T; ++t)
-            if (const MaskView mask = masks.at(c, t))
-                mender.watch(fit.state.frames[t], fit.state.betas, cameras[c], mask);
-    // The body is believed where it lies as near to the keypoints as it usually does.
-    std::vector<double> fits;
-    for (const double metres : fit.frame_fit)
-        if (std::isfinite(metres)) fits.push_back(metres);
-    const double usual = median(fits);
-    const auto believed = [&](std::size_t c, std::size_t t) {
-        return fit.frame_fit[t] < 1.5 * usual &&
-               std::find(fit.left_out.begin(), fit.left_out.end(), std::pair(c, t)) == fit.left_out.end();
-    };
+    for (const auto& body : bodies)
+        for (std::size_t c = 0; c < C; ++c)
+            for (std::size_t t = 0; t < T; ++t)
+                if (const MaskView mask = masks.at(c, t); mask && body->seen(t)) body->watch(t, cameras[c], mask);
     for (std::size_t c = 0; c < C; ++c) {
         if (masks.images[c].empty()) continue;
         const fs::path from = folder / "masks" / detections.cameras[c].name,
@@ -103,10 +143,18 @@ MendedMasks mend_masks(const fs::path& folder, const Detections& detections, Loa
             if (!detections.has_mask(c, t)) continue;
             PixelImage& mask = masks.images[c][t];
             const bool shows = std::any_of(mask.data.begin(), mask.data.end(), [](std::uint8_t v) { return v >= 128; });
-            if (shows && believed(c, t)) { // an empty mask leaves the photograph out
-                const PosedBody body_at = pose_body(model, posed.pose_at(t), posed.transl[t], posed.betas);
-                const MaskChange change = mender.mend(fit.state.frames[t], fit.state.betas, cameras[c],
-                                                      Span<const vec3<double>>(body_at.vertices), mask.data);
+            const auto believed = [&](const auto& body) { return body->believed(c, t); };
+            // An empty mask leaves the photograph out.
+            if (shows && std::any_of(bodies.begin(), bodies.end(), believed)) {
+                std::vector<MaskClaim> claims;
+                bool cut = true; // a person who is seen, but whose body is not believed, may be anywhere
+                for (const auto& body : bodies) {
+                    if (body->absent(t)) continue;
+                    claims.push_back(body->claim(t, cameras[c]));
+                    claims.back().believed = believed(body);
+                    cut = cut && (believed(body) || !body->seen(t));
+                }
+                const MaskChange change = mend_mask(claims, mask.data, cut);
                 result.cut += change.removed > 0.01, result.filled += change.filled > 0.01;
             }
             write_png(from / (detections.masks[c][t].stem().string() + ".png"), mask); // it may have been a JPEG
@@ -114,26 +162,6 @@ MendedMasks mend_masks(const fs::path& folder, const Detections& detections, Loa
         }
     }
     return result;
-}
-
-/// The largest person of each photograph.
-std::vector<PersonPhoto> photos_of(const Detections& detections, const LoadedMasks& masks) {
-    std::vector<PersonPhoto> photos;
-    for (const PhotoKeypoints& photo : detections.keypoints) {
-        const Detection* best = nullptr;
-        double largest = -1;
-        for (const Detection& person : photo.people) {
-            vec2<double> low(1e300), high(-1e300);
-            for (const Keypoint& point : person.points) {
-                if (point.confidence < 0.3) continue;
-                low = {std::min(low.x, point.pixel.x), std::min(low.y, point.pixel.y)};
-                high = {std::max(high.x, point.pixel.x), std::max(high.y, point.pixel.y)};
-            }
-            if (high.y - low.y > largest) largest = high.y - low.y, best = &person;
-        }
-        if (best) photos.push_back({photo.camera, photo.frame, *best, masks.at(photo.camera, photo.frame)});
-    }
-    return photos;
 }
 
 /// With one digit after the point; null for NaN.
@@ -173,10 +201,19 @@ Json report_of(const Detections& detections, const MotionFit& fit, double height
             {"photographs_with_outline", fit.outlines}};
 }
 
-/// What the user should know, worst first.
-std::vector<std::string> advice_of(const Detections& detections, const MotionFit& fit,
-                                   const std::vector<std::size_t>& unseen, const FitOptions& options,
-                                   const MendedMasks& mended) {
+/// The frames of a list of cameras and frames, each once.
+std::vector<std::size_t> frames_of(const std::vector<std::pair<std::size_t, std::size_t>>& places) {
+    std::vector<std::size_t> frames;
+    for (const auto& place : places) frames.push_back(place.second);
+    std::sort(frames.begin(), frames.end());
+    frames.erase(std::unique(frames.begin(), frames.end()), frames.end());
+    return frames;
+}
+
+/// What the user should know of one person, worst first.
+std::vector<std::string> advice_of_person(const Detections& detections, const MotionFit& fit,
+                                          const std::vector<std::size_t>& unseen,
+                                          const std::vector<std::size_t>& absent) {
     std::vector<std::string> advice;
     for (std::size_t c = 0; c < detections.cameras.size(); ++c) {
         const std::string name = "camera '" + detections.cameras[c].name + "'";
@@ -187,46 +224,69 @@ std::vector<std::string> advice_of(const Detections& detections, const MotionFit
         else if (of.metres > far)
             advice.push_back("in " + name + " the body lies " + fixed(1e3 * of.metres, 0) +
                              " mm beside the keypoints: calibration or keypoints are wrong");
-        if (fit.shifts[c] != vec2<double>(0))
-            advice.push_back(name + " points beside its calibration: its principal point was moved by (" +
-                             fixed(fit.shifts[c].x, 1) + ", " + fixed(fit.shifts[c].y, 1) + ") pixels");
-        if (fit.time_offsets[c] != 0)
-            advice.push_back(name + " took its images " + fixed(1e3 * std::abs(fit.time_offsets[c]), 0) + " ms " +
-                             (fit.time_offsets[c] > 0 ? "later" : "earlier") +
-                             " than the others: detect again with --late " + detections.cameras[c].name + "=" +
-                             fixed(fit.time_offsets[c], 3));
     }
-    if (!unseen.empty())
-        advice.push_back("nobody was found in frames " + frames_text(unseen) +
+    std::vector<std::size_t> missed;
+    std::set_difference(unseen.begin(), unseen.end(), absent.begin(), absent.end(), std::back_inserter(missed));
+    if (!missed.empty())
+        advice.push_back("nobody was found in frames " + frames_text(missed) +
                          "; their poses lie between those of the frames beside them");
-    if (!fit.left_out.empty()) {
-        std::vector<std::size_t> frames;
-        for (const auto& place : fit.left_out) frames.push_back(place.second);
-        std::sort(frames.begin(), frames.end());
-        frames.erase(std::unique(frames.begin(), frames.end()), frames.end());
-        advice.push_back("the detector was wrong about the whole person in frames " + frames_text(frames) +
-                         ", and is not believed there");
-    }
+    if (!absent.empty())
+        advice.push_back("out of view in frames " + frames_text(absent) + ": the body stands 100 m away there");
+    if (!fit.left_out.empty())
+        advice.push_back("the detector was wrong about the whole person in frames " +
+                         frames_text(frames_of(fit.left_out)) + ", and is not believed there");
     if (!fit.swapped.empty())
         advice.push_back("left and right were swapped in " + std::to_string(fit.swapped.size()) +
                          " photographs, and are swapped back");
+    return advice;
+}
+
+/// What the user should know of the capture; cameras are those of any of the people.
+std::vector<std::string> advice_of_capture(const Detections& detections, const CameraFindings& cameras, bool held,
+                                           const FitOptions& options, const MendedMasks& mended) {
+    std::vector<std::string> advice;
+    for (std::size_t c = 0; c < detections.cameras.size(); ++c) {
+        const std::string name = "camera '" + detections.cameras[c].name + "'";
+        if (cameras.shifts[c] != vec2<double>(0))
+            advice.push_back(name + " points beside its calibration: its principal point was moved by (" +
+                             fixed(cameras.shifts[c].x, 1) + ", " + fixed(cameras.shifts[c].y, 1) + ") pixels");
+        if (cameras.time_offsets[c] != 0)
+            advice.push_back(name + " took its images " + fixed(1e3 * std::abs(cameras.time_offsets[c]), 0) + " ms " +
+                             (cameras.time_offsets[c] > 0 ? "later" : "earlier") +
+                             " than the others: detect again with --late " + detections.cameras[c].name + "=" +
+                             fixed(cameras.time_offsets[c], 3));
+    }
     if (mended.cut > 0)
         advice.push_back("masks held things beside the person in " + std::to_string(mended.cut) +
                          " photographs, which are cut off");
     if (mended.filled > 0)
         advice.push_back("masks lacked parts of the body in " + std::to_string(mended.filled) +
                          " photographs, which are filled in");
-    if (detections.cameras.size() == 1 && !fit.held)
+    if (detections.cameras.size() == 1 && !held)
         advice.push_back("one camera sees no depth: film one slow turn in one pose for arms and legs in their place");
-    if (detections.cameras.size() == 1 && !options.height && !detections.calibrated)
+    if (detections.cameras.size() == 1 && options.heights.empty() && !detections.calibrated)
         advice.push_back("the person's size is a guess: give --height");
     return advice;
 }
 
+/// PATH, or PATH with a person's name before its ending.
+fs::path path_of_person(fs::path path, const std::string& name) {
+    if (!name.empty()) path.replace_filename(path.stem().string() + "_" + name + path.extension().string());
+    return path;
+}
+
 } // namespace
 
-std::vector<std::string> fit_capture(const FitOptions& options, const std::vector<std::filesystem::path>& to) {
+std::vector<std::string> FittedCapture::poses_option() const {
+    if (poses == std::vector<std::string>{"poses.npz"}) return {};
+    std::string names;
+    for (const std::string& name : poses) names += (names.empty() ? "" : ",") + name;
+    return {"--poses", names};
+}
+
+FittedCapture fit_capture(const FitOptions& options, const std::vector<std::filesystem::path>& to) {
     for (const auto& path : to) check_motion_output(path);
+    const WantedPeople wanted(options.people);
     Detections detections = load_detections(options.detections);
     const BodyModel body = body_of_file(options.body);
     const std::size_t C = detections.cameras.size(), T = detections.times.size();
@@ -235,56 +295,107 @@ std::vector<std::string> fit_capture(const FitOptions& options, const std::vecto
     if (options.focal)
         detections.cameras[0].camera.fx = detections.cameras[0].camera.fy = *options.focal,
         detections.known_focal[0] = true;
+    FilmedPeople filmed = people_of(detections, wanted, options.detections.string());
+    const std::size_t P = filmed.people.size();
+    check_value(options.heights.empty() || options.heights.size() == P, "--height",
+                "has " + std::to_string(options.heights.size()) + " heights for " + std::to_string(P) +
+                    (P == 1 ? " person" : " people"));
+
     LoadedMasks masks(detections);
-    const std::vector<PersonPhoto> photos = photos_of(detections, masks);
-    check_value(!photos.empty(), options.detections.string(),
-                "nobody was found in any photograph; look at the pictures, and at the detector's messages");
+    for (FilmedPerson& person : filmed.people)
+        for (std::size_t i = 0; i < person.photos.size(); ++i)
+            if (PersonPhoto& photo = person.photos[i]; person.alone[i])
+                photo.mask = masks.at(photo.camera, photo.frame);
 
     std::vector<Camera<double>> cameras;
     for (const NamedCamera& camera : detections.cameras) cameras.push_back(camera.camera);
-    MotionFit fit;
+    std::vector<PersonToFit> to_fit;
+    for (std::size_t p = 0; p < P; ++p)
+        to_fit.push_back(
+            {filmed.people[p].photos, options.heights.empty() ? std::nullopt : std::optional(options.heights[p])});
+    std::vector<MotionFit> fits;
     {
-        Progress shown("fitting the body");
+        Progress shown(P == 1 ? "fitting the body" : "fitting the bodies");
         constexpr int most_betas = 30;
-        fit = fit_motion(body, cameras, photos, detections.times,
-                         {.height = options.height,
-                          .turn = options.turn == "auto" ? std::nullopt : std::optional(options.turn == "yes"),
-                          .learn_focal = C == 1 && !detections.known_focal[0],
-                          .betas = options.betas > 0 ? options.betas : std::min(most_betas, body.shape_count),
-                          .progress = [&](double share) { shown.show(share, ""); }});
+        fits = fit_people(body, cameras, to_fit, detections.times,
+                          {.turn = options.turn == "auto" ? std::nullopt : std::optional(options.turn == "yes"),
+                           .learn_focal = C == 1 && !detections.known_focal[0],
+                           .betas = options.betas > 0 ? options.betas : std::min(most_betas, body.shape_count),
+                           .progress = [&](double share) { shown.show(share, ""); }});
     }
-    std::vector<std::size_t> unseen;
-    for (std::size_t t = 0; t < T; ++t)
-        if (std::none_of(photos.begin(), photos.end(), [&](const PersonPhoto& photo) { return photo.frame == t; }))
-            unseen.push_back(t);
+    const CameraFindings& found = fits[0]; // the same for all
+    std::vector<Fitted> people;
+    std::vector<std::vector<std::size_t>> absent;
+    for (std::size_t p = 0; p < P; ++p) {
+        const std::vector<bool>& seen = filmed.people[p].seen;
+        // A single person is in view all the time: photographs that do not show it have empty masks.
+        absent.push_back(P > 1 ? absent_frames(seen, detections.times) : std::vector<std::size_t>());
+        people.push_back({&filmed.people[p], &fits[p], std::vector<bool>(T, false)});
+        for (const std::size_t t : absent[p]) people[p].absent[t] = true;
+    }
 
     CameraList list;
     list.cameras = detections.cameras;
     std::vector<Camera<double>> seen_by; // with what the fit found
     for (std::size_t c = 0; c < C; ++c) {
         Camera<double>& camera = list.cameras[c].camera;
-        camera.fx *= fit.focal, camera.fy *= fit.focal;
-        camera.cx += fit.shifts[c].x, camera.cy += fit.shifts[c].y;
+        camera.fx *= found.focal, camera.fy *= found.focal;
+        camera.cx += found.shifts[c].x, camera.cy += found.shifts[c].y;
         seen_by.push_back(camera);
     }
-    const MendedMasks mended = mend_masks(options.detections, detections, masks, body, fit, seen_by);
+    const MendedMasks mended = mend_masks(options.detections, detections, masks, body, people, seen_by);
     if (!detections.calibrated) { // the world is the camera's: make it one to stand in
-        const Affine<double> standing = standing_world(body, {fit.motion});
-        for (std::size_t t = 0; t < T; ++t) move_frame(body, fit.motion, t, standing);
+        std::vector<Motion> motions;
+        for (const MotionFit& fit : fits) motions.push_back(fit.motion);
+        const Affine<double> standing = standing_world(body, motions);
+        for (MotionFit& fit : fits)
+            for (std::size_t t = 0; t < T; ++t) move_frame(body, fit.motion, t, standing);
         for (NamedCamera& camera : list.cameras) camera.camera = moved_camera(camera.camera, standing);
         list.floor_y = 0;
     }
+    std::vector<Camera<double>> placed;
+    for (const NamedCamera& camera : list.cameras) placed.push_back(camera.camera);
+    const vec3<double> away = place_out_of_view(placed);
+    for (std::size_t p = 0; p < P; ++p)
+        for (const std::size_t t : absent[p]) fits[p].motion.transl[t] = away;
     if (T > 1) list.fps = static_cast<double>(T - 1) / (detections.times.back() - detections.times.front());
     for (std::size_t t = options.test_every / 2; options.test_every > 0 && t < T; t += options.test_every)
         list.test_frames.push_back(static_cast<int>(t));
-
-    const double height = BodyHeight(body, body.shape_count).of(fit.motion.betas);
-    save_motion(options.detections / "poses.npz", fit.motion);
     write_cameras(options.detections / "cameras.json", list);
-    write_file(options.detections / "fit.json", report_of(detections, fit, height, unseen).dump(1) + "\n");
-    std::vector<std::string> advice = advice_of(detections, fit, unseen, options, mended);
-    for (const auto& path : to) write_motion(path, fit.motion, body, advice);
-    return advice;
+
+    FittedCapture result;
+    Json reports = Json::array();
+    const bool held = std::any_of(fits.begin(), fits.end(), [](const MotionFit& fit) { return fit.held; });
+    if (!wanted.chosen() && filmed.in_view > 1)
+        result.notes.push_back(std::to_string(filmed.in_view) +
+                               " people are in view, and the one who is seen longest " +
+                               "and largest was fitted: --people " + std::to_string(filmed.in_view) + " fits all");
+    std::vector<std::string> of_formats;
+    for (std::size_t p = 0; p < P; ++p) {
+        const FilmedPerson& person = filmed.people[p];
+        const std::string prefix = P == 1 ? "" : person.name + ": ";
+        std::vector<std::size_t> unseen;
+        for (std::size_t t = 0; t < T; ++t)
+            if (!person.seen[t]) unseen.push_back(t);
+        for (const std::string& note : advice_of_person(detections, fits[p], unseen, absent[p]))
+            result.notes.push_back(prefix + note);
+        const double height = BodyHeight(body, body.shape_count).of(fits[p].motion.betas);
+        save_motion(options.detections / person.poses(), fits[p].motion);
+        result.poses.push_back(person.poses());
+        Json report = report_of(detections, fits[p], height, unseen);
+        if (P > 1) {
+            report["frames_out_of_view"] = absent[p];
+            report = Json{{"name", person.name}, {"poses", person.poses()}, {"fit", report}};
+        }
+        reports.push_back(report);
+        for (const auto& path : to)
+            write_motion(path_of_person(path, P == 1 ? "" : person.name), fits[p].motion, body, of_formats);
+    }
+    for (const std::string& note : advice_of_capture(detections, found, held, options, mended))
+        result.notes.push_back(note);
+    result.notes.insert(result.notes.end(), of_formats.begin(), of_formats.end());
+    write_file(options.detections / "fit.json", (P == 1 ? reports[0] : Json{{"people", reports}}).dump(1) + "\n");
+    return result;
 }
 
 } // namespace gsh::examples

@@ -13,18 +13,27 @@ namespace gsh::examples {
 /// Options of a fit.
 struct FitOptions {
     std::filesystem::path detections, body;
-    std::optional<double> height; ///< metres
-    std::optional<double> focal;  ///< pixels of the images, for a single camera
-    std::string turn = "auto";    ///< "auto", "yes" or "no"
-    int betas = 0;                ///< 0: all that the body has, at most 30
-    std::size_t test_every = 0;   ///< every so many frames one is left out of training; 0: none
+    std::string people;          ///< of filmed_people.hpp
+    std::vector<double> heights; ///< metres, one for each person, or none
+    std::optional<double> focal; ///< pixels of the images, for a single camera
+    std::string turn = "auto";   ///< "auto", "yes" or "no"
+    int betas = 0;               ///< 0: all that the body has, at most 30
+    std::size_t test_every = 0;  ///< every so many frames one is left out of training; 0: none
 };
 
-/// Fits the person of a detector's folder, and makes the folder a capture: cameras.json, poses.npz, and fit.json with
-/// the figures of the fit. Other files are not touched. The motion is also written to each path in `to`.
+struct FittedCapture {
+    std::vector<std::string> notes; ///< what the user should know, worst first, a sentence each
+    std::vector<std::string> poses; ///< the file of each person's motion, in the capture's folder
+
+    /// The options that name these files to other programs; none for a single poses.npz.
+    [[nodiscard]] std::vector<std::string> poses_option() const;
+};
+
+/// Fits the people of a detector's folder, and makes the folder a capture: cameras.json, poses.npz or NAME.npz for each
+/// person, and fit.json with the figures of the fit. Masks are mended; other files are not touched. The motion is also
+/// written to each path in `to`; with several people to NAME_PERSON of it.
 ///
-/// Returns what the user should know, worst first, a sentence each.
-/// Errors  those of load_detections and fit_motion; ValueError if nobody was found.
-std::vector<std::string> fit_capture(const FitOptions& options, const std::vector<std::filesystem::path>& to);
+/// Errors  those of load_detections and fit_people; ValueError if nobody was found, or fewer people than were asked for.
+FittedCapture fit_capture(const FitOptions& options, const std::vector<std::filesystem::path>& to);
 
 } // namespace gsh::examples

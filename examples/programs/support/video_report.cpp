@@ -33,7 +33,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Where a picture shows the person, with a margin.
+/// Where a picture shows the people, with a margin.
 struct Crop {
     int left = 0, top = 0, width = 0, height = 0;
 };
@@ -68,15 +68,17 @@ std::string image_tag(const PixelImage& picture, const std::string& caption) {
 /// What the stages made, as the page shows it.
 class StagePictures {
 public:
-    StagePictures(const fs::path& capture, const fs::path& body)
+    StagePictures(const fs::path& capture, const fs::path& body, const std::vector<std::string>& poses)
         : found_(load_detections(capture)), cameras_(read_cameras(capture / "cameras.json").cameras),
-          body_(body_of_file(body)), motion_(load_motion(capture / "poses.npz", body_)),
-          images_(
-              gsh::detail::list_photos(capture, cameras_, false, frame_count(), "one per pose of poses.npz").images) {}
+          body_(body_of_file(body)) {
+        for (const std::string& name : poses) motions_.push_back(load_motion(capture / name, body_));
+        images_ =
+            gsh::detail::list_photos(capture, cameras_, false, frame_count(), "one per pose of " + poses[0]).images;
+    }
 
     [[nodiscard]] std::size_t camera_count() const { return cameras_.size(); }
     [[nodiscard]] const std::string& camera_name(std::size_t c) const { return cameras_[c].name; }
-    [[nodiscard]] std::size_t frame_count() const { return motion_.frame_count(); }
+    [[nodiscard]] std::size_t frame_count() const { return motions_[0].frame_count(); }
 
     /// Keypoints, the outline of the mask, that of the body, side by side; nothing for a photograph that is missing.
     [[nodiscard]] std::string row(std::size_t c, std::size_t t) const {
@@ -92,10 +94,16 @@ public:
         }
         const OverlayColors colors;
         const PixelImage canvas = overlay_canvas(rgba);
-        const PosedBody posed = pose_body(body_, motion_.pose_at(t), motion_.transl[t], motion_.betas);
         const Camera<double>& camera = cameras_[c].camera;
-        const Silhouette body = mesh_silhouette(posed.vertices, body_.faces, camera);
-        const Crop crop = crop_of(body, canvas.width, canvas.height);
+        std::vector<Silhouette> bodies;
+        for (const Motion& motion : motions_) {
+            const PosedBody posed = pose_body(body_, motion.pose_at(t), motion.transl[t], motion.betas);
+            bodies.push_back(mesh_silhouette(posed.vertices, body_.faces, camera));
+        }
+        Silhouette all = bodies[0];
+        for (const Silhouette& body : bodies)
+            for (std::size_t i = 0; i < all.inside.size(); ++i) all.inside[i] |= body.inside[i];
+        const Crop crop = crop_of(all, canvas.width, canvas.height);
 
         PixelImage points = canvas;
         for (const PhotoKeypoints& of : found_.keypoints)
@@ -118,29 +126,30 @@ public:
             draw_outline(masked, outline, colors.mask);
         }
         PixelImage fitted = canvas;
-        draw_outline(fitted, body, colors.body);
+        for (const Silhouette& body : bodies) draw_outline(fitted, body, colors.body);
         return "<h3>Frame " + std::to_string(t) + "</h3>" + image_tag(cropped(points, crop), "keypoints") +
-               image_tag(cropped(masked, crop), "mask") + image_tag(cropped(fitted, crop), "fitted body");
+               image_tag(cropped(masked, crop), "mask") +
+               image_tag(cropped(fitted, crop), bodies.size() == 1 ? "fitted body" : "fitted bodies");
     }
 
 private:
     Detections found_;
     std::vector<NamedCamera> cameras_;
     BodyModel body_;
-    Motion motion_;
+    std::vector<Motion> motions_;  // of each person
     std::vector<fs::path> images_; // [cameras * frames]
 };
 
 } // namespace
 
-void write_video_report(const fs::path& out, const fs::path& body, const std::vector<std::string>& notes) {
-    const StagePictures pictures(out / "capture", body);
+void write_video_report(const fs::path& out, const fs::path& body, const FittedCapture& fitted) {
+    const StagePictures pictures(out / "capture", body, fitted.poses);
     Progress shown("writing the report");
     std::string html = detail::page_head("From the video to the avatar");
     html += "<p class=\"verdict\"><a href=\"avatar/report.html\">The avatar, and how good it is</a></p>";
-    if (!notes.empty()) {
+    if (!fitted.notes.empty()) {
         html += "<h2>What the fit says</h2><ul>";
-        for (const std::string& note : notes) html += "<li>" + detail::escape(note) + "</li>";
+        for (const std::string& note : fitted.notes) html += "<li>" + detail::escape(note) + "</li>";
         html += "</ul>";
     }
     html +=

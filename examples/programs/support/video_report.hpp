@@ -2,17 +2,17 @@
 /// @file  The page of gsh-video: a verdict, and a picture of each stage.
 #pragma once
 
+#include "support/fitting.hpp"
+
 #include <filesystem>
-#include <string>
-#include <vector>
 
 namespace gsh::examples {
 
 /// Writes OUT/report.html: what the fit notes, and for four frames of each camera the keypoints, the outline of the mask
-/// and that of the fitted body on the photograph; then the way to the report of the avatar.
+/// and those of the fitted bodies on the photograph; then the way to the report of the avatar.
 ///
 /// Errors  IoError if a stage's files are missing.
 void write_video_report(const std::filesystem::path& out, const std::filesystem::path& body,
-                        const std::vector<std::string>& notes);
+                        const FittedCapture& fitted);
 
 } // namespace gsh::examples

@@ -130,6 +130,10 @@ inline MotionFit fit_motion(const BodyModel& body, const std::vector<Camera<doub
     check_value(params.window > 60, where, "window must be above 60 frames");
     check_value(!params.height || (*params.height > 0.3 && *params.height < 3), where,
                 "height must lie between 0.3 and 3 metres");
+    const std::optional<CameraFindings>& known = params.cameras;
+    check_value(
+        !known || (known->time_offsets.size() == cameras.size() && known->shifts.size() == cameras.size()), where,
+        "what is known of the cameras must have an offset and a shift for each of " + std::to_string(cameras.size()));
     std::vector<std::vector<ViewKeypoints>> views = detail::checked_views(cameras, photos, times);
     check_value(std::any_of(views.begin(), views.end(), [](const auto& frame) { return !frame.empty(); }), where,
                 "no photograph shows the person");
@@ -158,6 +162,22 @@ inline MotionFit fit_motion(const BodyModel& body, const std::vector<Camera<doub
     const FittedBody fitted(body, params.betas, params.landmarks);
     fit.time_offsets.assign(cameras.size(), 0.0);
     fit.shifts.assign(cameras.size(), vec2<double>(0));
+    fit.time_errors.assign(cameras.size(), TimeOffset{}.error);
+    const auto at_found_times = [&](std::vector<std::vector<ViewKeypoints>>& shown, Span<const double> of) {
+        if (std::any_of(fit.time_offsets.begin(), fit.time_offsets.end(), [](double s) { return s != 0; }))
+            shown = at_common_times(shown, of, fit.time_offsets);
+        for (auto& frame : shown)
+            for (ViewKeypoints& view : frame)
+                view.camera.cx += fit.shifts[view.camera_number].x, view.camera.cy += fit.shifts[view.camera_number].y;
+    };
+    if (known) {
+        static_cast<CameraFindings&>(fit) = *known;
+        at_found_times(views, times);
+        for (auto& frame : views)
+            for (ViewKeypoints& view : frame) view.camera.fx *= known->focal, view.camera.fy *= known->focal;
+    }
+    MotionFitParams of_window = params;
+    of_window.learn_focal = params.learn_focal && !known;
 
     // Windows of frames; the later ones begin a little before the end of those before, and keep shape and focal length.
     const std::size_t T = times.size(), overlap = 20;
@@ -174,16 +194,10 @@ inline MotionFit fit_motion(const BodyModel& body, const std::vector<Camera<doub
                         all.begin() + static_cast<std::ptrdiff_t>(end));
         };
         auto shown = part(views);
-        if (!first && std::any_of(fit.time_offsets.begin(), fit.time_offsets.end(), [](double s) { return s != 0; }))
-            shown = at_common_times(shown, part(times), fit.time_offsets);
-        if (!first)
-            for (auto& frame : shown)
-                for (ViewKeypoints& view : frame)
-                    view.camera.cx += fit.shifts[view.camera_number].x,
-                        view.camera.cy += fit.shifts[view.camera_number].y;
-        detail::MotionFitter fitter(body, fitted, std::move(shown), part(times), cameras.size(), params);
+        if (!first && !known) at_found_times(shown, part(times));
+        detail::MotionFitter fitter(body, fitted, std::move(shown), part(times), cameras.size(), of_window);
         if (!first) fitter.hold_shared(state);
-        fitter.run(fit, begin, first, [&](double share) {
+        fitter.run(fit, begin, first && !known, [&](double share) {
             if (params.progress)
                 params.progress((static_cast<double>(begin) + share * static_cast<double>(end - begin)) /
                                 static_cast<double>(T));
@@ -211,7 +225,7 @@ inline MotionFit fit_motion(const BodyModel& body, const std::vector<Camera<doub
         fit.camera_fit.push_back(
             {detail::median_or_nan(pixels[c]), detail::median_or_nan(metres[c]), pixels[c].size()});
     std::sort(fit.swapped.begin(), fit.swapped.end());
-    fit.focal = std::exp(state.log_focal);
+    if (!known) fit.focal = std::exp(state.log_focal);
     fit.motion = detail::motion_of(body, fitted, state, times);
     fit.state = std::move(state);
     return fit;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Masks of a fitted person, without what is not the person, and with limbs that they lacked.
+/// @file  Masks of fitted people, without what is not a person, and with limbs that they lacked.
 #pragma once
 
 #include <gsh/backend/serial.hpp>
@@ -29,6 +29,20 @@ struct MaskChange {
     double filled = 0;  ///< of the body that it lacked
 };
 
+/// Which pixels of a photograph a fitted body claims.
+struct MaskClaim {
+    std::vector<std::uint8_t> body;    // [pixels] 1 where the body is
+    std::vector<std::uint8_t> core;    // [pixels] 1 where it surely is: inside of its outline by more than 2.5 cm
+    std::vector<std::uint8_t> allowed; // [pixels] 1 where a mask may show the person, or clothes and hair
+    std::size_t area = 0;              ///< pixels of the body
+    bool believed = true;              ///< if not, the claim only protects what is there: nothing is filled in
+};
+
+/// Mends the mask of a photograph, one byte a pixel, by the claims of all people in it. The mask is cut where nobody's
+/// claim allows it, if `cut`, and filled where the body of somebody who is believed surely is. Nothing is cut where the
+/// mask also lacks more than 3% of a body that is believed: then this body may be in the wrong place.
+inline MaskChange mend_mask(const std::vector<MaskClaim>& claims, Span<std::uint8_t> mask, bool cut = true);
+
 /// Mends masks by the fitted body.
 ///
 /// Clothes and hair stand off the body by about the same distance at the same place of it in all photographs; a thing
@@ -52,17 +66,17 @@ public:
         reaches_.clear();
     }
 
-    /// Changes the mask of a photograph, one byte a pixel. `vertices` is the posed mesh in the world. Nothing is cut
-    /// off where the mask also lacks more than 3% of the body: then the body may be in the wrong place.
-    MaskChange mend(const FrameNumbers& numbers, Span<const double> betas, const Camera<double>& camera,
-                    Span<const vec3<double>> vertices, Span<std::uint8_t> mask) {
+    /// What the posed body claims of a photograph; `vertices` is its mesh in the world.
+    [[nodiscard]] MaskClaim claim(const FrameNumbers& numbers, Span<const double> betas, const Camera<double>& camera,
+                                  Span<const vec3<double>> vertices) {
         if (reaches_.empty()) decide();
         cpu::Serial backend;
         const MeshImage image = rasterize_mesh(backend, vertices, model_->faces, camera);
         const int width = image.width, height = image.height;
-        check_size("MaskMender::mend", "mask", mask.size(), image.size(), "one byte a pixel");
-        std::vector<std::uint8_t> allowed(image.size(), 0), outside(image.size(), 0);
-        const auto stamp = [&](std::vector<std::uint8_t>& on, double x, double y, double radius) {
+        MaskClaim result;
+        result.body.assign(image.size(), 0);
+        result.allowed = result.core = result.body;
+        const auto stamp = [&](std::vector<std::uint8_t>& on, std::uint8_t value, double x, double y, double radius) {
             for (int v = std::max(0, static_cast<int>(y - radius));
                  v <= std::min(height - 1, static_cast<int>(y + radius)); ++v)
                 for (int u = std::max(0, static_cast<int>(x - radius));
@@ -70,7 +84,7 @@ public:
                     const double dx = u + 0.5 - x, dy = v + 0.5 - y;
                     if (dx * dx + dy * dy <= radius * radius)
                         on[static_cast<std::size_t>(v) * static_cast<std::size_t>(width) +
-                           static_cast<std::size_t>(u)] = 1;
+                           static_cast<std::size_t>(u)] = value;
                 }
         };
         // The surroundings of the silhouette: what is near its border on both sides.
@@ -78,44 +92,27 @@ public:
         const FrameKinematics kinematics(*body_, numbers, betas);
         const std::vector<RimPoint> rim = samples_->rim(*body_, kinematics, betas, camera, 1);
         for (const RimPoint& point : rim) pixels_per_metre += point.pixels_per_metre, count += 1;
-        MaskChange change;
-        if (count == 0) return change;
+        if (count == 0) return result;
         pixels_per_metre /= count;
-        std::size_t area = 0;
+        for (std::size_t i = 0; i < image.size(); ++i)
+            if (image.covers(i)) ++result.area, result.body[i] = result.core[i] = result.allowed[i] = 1;
         for (int y = 0; y < height; ++y)
             for (int x = 0; x < width; ++x) {
-                const std::size_t i =
-                    static_cast<std::size_t>(y) * static_cast<std::size_t>(width) + static_cast<std::size_t>(x);
-                if (!image.covers(i)) continue;
-                ++area, allowed[i] = 1;
+                const auto at = [&](int u, int v) {
+                    return static_cast<std::size_t>(v) * static_cast<std::size_t>(width) + static_cast<std::size_t>(u);
+                };
+                if (!image.covers(at(x, y))) continue;
                 const auto bare = [&](int u, int v) {
-                    return u >= 0 && v >= 0 && u < width && v < height &&
-                           !image.covers(static_cast<std::size_t>(v) * static_cast<std::size_t>(width) +
-                                         static_cast<std::size_t>(u));
+                    return u >= 0 && v >= 0 && u < width && v < height && !image.covers(at(u, v));
                 };
                 if (!bare(x - 1, y) && !bare(x + 1, y) && !bare(x, y - 1) && !bare(x, y + 1)) continue;
-                stamp(allowed, x + 0.5, y + 0.5, least_reach * pixels_per_metre);
-                stamp(outside, x + 0.5, y + 0.5, inside_margin * pixels_per_metre);
+                stamp(result.allowed, 1, x + 0.5, y + 0.5, least_reach * pixels_per_metre);
+                stamp(result.core, 0, x + 0.5, y + 0.5, inside_margin * pixels_per_metre);
             }
         for (const RimPoint& point : rim)
             if (reaches_[point.sample] > least_reach)
-                stamp(allowed, point.pixel.x, point.pixel.y, reaches_[point.sample] * point.pixels_per_metre);
-        std::size_t lacking = 0; // pixels of the body where the mask has nobody
-        for (std::size_t i = 0; i < mask.size(); ++i) lacking += image.covers(i) && mask[i] < 128;
-        constexpr double most_lacking = 0.03;
-        const bool fits = static_cast<double>(lacking) <= most_lacking * static_cast<double>(area);
-        for (std::size_t i = 0; i < mask.size(); ++i) {
-            if (!allowed[i] && fits) {
-                change.removed += mask[i] / 255.0;
-                mask[i] = 0;
-            } else if (image.covers(i) && !outside[i] && mask[i] < 255) {
-                change.filled += 1 - mask[i] / 255.0;
-                mask[i] = 255;
-            }
-        }
-        change.removed /= static_cast<double>(std::max<std::size_t>(1, area));
-        change.filled /= static_cast<double>(std::max<std::size_t>(1, area));
-        return change;
+                stamp(result.allowed, 1, point.pixel.x, point.pixel.y, reaches_[point.sample] * point.pixels_per_metre);
+        return result;
     }
 
 private:
@@ -146,5 +143,35 @@ private:
         }
     }
 };
+
+inline MaskChange mend_mask(const std::vector<MaskClaim>& claims, Span<std::uint8_t> mask, bool cut) {
+    MaskChange change;
+    std::size_t area = 0;
+    for (const MaskClaim& claim : claims) {
+        check_size("mend_mask", "mask", mask.size(), claim.body.size(), "one byte a pixel");
+        area += claim.area;
+        if (!claim.believed) continue;
+        std::size_t lacking = 0; // pixels of the body where the mask has nobody
+        for (std::size_t i = 0; i < mask.size(); ++i) lacking += claim.body[i] && mask[i] < 128;
+        constexpr double most_lacking = 0.03;
+        cut = cut && static_cast<double>(lacking) <= most_lacking * static_cast<double>(claim.area);
+    }
+    if (area == 0) return change; // nobody is in view
+    for (std::size_t i = 0; i < mask.size(); ++i) {
+        bool allowed = false, core = false;
+        for (const MaskClaim& claim : claims)
+            allowed = allowed || claim.allowed[i], core = core || (claim.believed && claim.core[i]);
+        if (!allowed && cut) {
+            change.removed += mask[i] / 255.0;
+            mask[i] = 0;
+        } else if (core && mask[i] < 255) {
+            change.filled += 1 - mask[i] / 255.0;
+            mask[i] = 255;
+        }
+    }
+    change.removed /= static_cast<double>(area);
+    change.filled /= static_cast<double>(area);
+    return change;
+}
 
 } // namespace gsh

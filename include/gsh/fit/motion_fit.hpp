@@ -25,11 +25,19 @@ struct PersonPhoto {
     MaskView mask = {}; ///< if there is one; the caller owns its pixels
 };
 
+/// What photographs show of their cameras, beside the calibration.
+struct CameraFindings {
+    std::vector<double> time_offsets; // [cameras] seconds by which photographs are later than their time stamps
+    std::vector<vec2<double>> shifts; // [cameras] pixels by which principal points had to move, mostly none
+    double focal = 1;                 ///< factor on the focal lengths
+};
+
 struct MotionFitParams {
-    std::optional<double> height = {}; ///< of the person, metres
-    std::optional<bool> turn = {};     ///< whether the person turns in place in one pose; found if not given
-    bool learn_focal = false;          ///< whether the focal length is a guess, of 15%; for one camera
-    int betas = 10;                    ///< shape coefficients that are fitted
+    std::optional<double> height = {};          ///< of the person, metres
+    std::optional<bool> turn = {};              ///< whether the person turns in place in one pose; found if not given
+    bool learn_focal = false;                   ///< whether the focal length is a guess, of 15%; for one camera
+    std::optional<CameraFindings> cameras = {}; ///< if they are known, as from other people; found if not given
+    int betas = 10;                             ///< shape coefficients that are fitted
     std::size_t window = 600; ///< frames that are fitted at once; the shape of a longer motion is that of the first
     Landmarks landmarks = default_landmarks();
     std::function<void(double share)> progress = {};
@@ -41,16 +49,14 @@ struct KeypointFit {
     std::size_t count = 0;
 };
 
-struct MotionFit {
+struct MotionFit : CameraFindings {
     Motion motion;
-    MotionState state; ///< the same as numbers of a FittedBody with the same number of shape coefficients
-    double focal = 1;  ///< factor on the focal lengths
-    Turn turn;         ///< how far the person turns
-    bool held = false; ///< whether the pose was held alike, as that of a person who turns in place
-    std::vector<double> time_offsets;    // [cameras] seconds by which photographs are later than their time stamps
-    std::vector<vec2<double>> shifts;    // [cameras] pixels by which principal points had to move, mostly none
-    std::vector<KeypointFit> camera_fit; // [cameras]
-    std::vector<double> frame_fit;       // [T] metres, median; NaN without keypoints
+    MotionState state;               ///< the same as numbers of a FittedBody with the same number of shape coefficients
+    Turn turn;                       ///< how far the person turns
+    bool held = false;               ///< whether the pose was held alike, as that of a person who turns in place
+    std::vector<double> time_errors; // [cameras] standard errors of offsets, seconds; large if nothing moves
+    std::vector<KeypointFit> camera_fit;                      // [cameras]
+    std::vector<double> frame_fit;                            // [T] metres, median; NaN without keypoints
     std::vector<std::pair<std::size_t, std::size_t>> swapped; ///< camera and frame of swapped sides, in order
     std::vector<std::pair<std::size_t, std::size_t>>
         left_out;             ///< camera and frame of detections that were wrong about the whole person

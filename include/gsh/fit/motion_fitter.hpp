@@ -173,6 +173,7 @@ private:
             const auto found = time_offsets(*body_, state_, views_, times_, camera_count_);
             double most = 0;
             for (std::size_t c = 0; c < camera_count_; ++c) {
+                fit.time_errors[c] = found[c].error;
                 double next = std::clamp(offsets[c] + found[c].seconds, -2 * frame, 2 * frame);
                 if (std::abs(next) < std::max(0.1 * frame, 4 * found[c].error)) next = 0;
                 most = std::max(most, std::abs(next - offsets[c]));
