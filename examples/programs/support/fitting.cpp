@@ -225,7 +225,6 @@ std::vector<std::string> advice_of(const Detections& detections, const MotionFit
 } // namespace
 
 std::vector<std::string> fit_capture(const FitOptions& options, const std::vector<std::filesystem::path>& to) {
-    for (const auto& path : to) check_motion_output(path);
     Detections detections = load_detections(options.detections);
     const BodyModel body = body_of_file(options.body);
     const std::size_t C = detections.cameras.size(), T = detections.times.size();
