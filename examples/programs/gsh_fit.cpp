@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 /// @file  gsh-fit: fits a body's motion and shape to a video, or to what a detector found in one, and makes a capture.
 
+#include "support/default_body.hpp"
 #include "support/detecting.hpp"
 #include "support/fit_command.hpp"
 #include "support/fitting.hpp"
@@ -67,6 +68,7 @@ int main(int argc, char** argv) {
         ->check(CLI::Range(1, 400));
     return run_program(app, argc, argv, [&] {
         for (const auto& path : command.to) check_motion_output("--to", path);
+        command.fit.body = body_or_default(command.fit.body); // before the detector, which takes minutes
         command.fit.detections = detections_of(command, of_videos);
         for (const std::string& note : fit_capture(command.fit, command.to)) std::printf("note: %s\n", note.c_str());
         std::printf("next: gsh-check %s --body %s\n", shell_word(command.fit.detections.string()).c_str(),

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 /// @file  gsh-video: from a video to an avatar: detects, fits, checks and reconstructs, each stage's files kept.
 
+#include "support/default_body.hpp"
 #include "support/detecting.hpp"
 #include "support/fit_command.hpp"
 #include "support/fitting.hpp"
@@ -37,6 +38,7 @@ struct VideoOptions {
 int make(VideoOptions options) {
     const fs::path capture = options.out / "capture", check = options.out / "check", avatar = options.out / "avatar";
     const std::string programs = folder_of_programs().string() + "/";
+    options.fit.body = body_or_default(options.fit.body); // before the detector, which takes minutes
     fs::create_directories(options.out);
     if (options.preview && options.steps == 0) options.steps = 400;
 

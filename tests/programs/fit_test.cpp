@@ -160,7 +160,6 @@ TEST_CASE("every refusal is one line and code 2, and writes nothing") {
             "none: does not exist");
     refused({"gsh-fit", turn.detections / "images/front", "--body", turn.body_file.string()}, "--out: is required");
     refused(turn.fit({"--fps", "5"}), "--fps: is for videos");
-    refused({"gsh-fit", turn.detections.string()}, "--body is required");
     refused(turn.fit({"--height", "17"}), "--height");
     refused(turn.fit({"--turn", "maybe"}), "--turn");
     refused(turn.fit({"--to", turn.folder / "a.fbx"}), "--to ");

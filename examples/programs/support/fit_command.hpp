@@ -39,7 +39,8 @@ inline std::vector<CLI::Option*> add_detection(CLI::App& app, DetectOptions& opt
 
 /// The options --body, --height, --focal, --turn and --test-every.
 inline void add_fit(CLI::App& app, FitOptions& options) {
-    app.add_option("--body", options.body, "BODY.npz: with the joints of SMPL-X (gsh-body makes one)")->required();
+    app.add_option("--body", options.body,
+                   "BODY.npz: with the joints of SMPL-X (default: the one that gsh-body makes without --out)");
     app.add_option("--height", options.height, "height of the person, metres; one camera cannot see it")
         ->check(CLI::Range(0.3, 3.0));
     app.add_option("--focal", options.focal,
