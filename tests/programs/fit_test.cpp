@@ -156,11 +156,13 @@ TEST_CASE("every refusal is one line and code 2, and writes nothing") {
         check_refused(run(words), "gsh-fit", {expected});
         CHECK(!fs::exists(turn.detections / "poses.npz"));
     };
-    refused({"gsh-fit", turn.folder / "none", "--body", turn.body_file.string()}, "video.json: does not exist");
-    refused({"gsh-fit", turn.detections.string()}, "--body is required");
+    refused({"gsh-fit", turn.folder / "none", "--body", turn.body_file.string(), "--to", turn.folder / "a.bvh"},
+            "none: does not exist");
+    refused({"gsh-fit", turn.detections / "images/front", "--body", turn.body_file.string()}, "--out: is required");
+    refused(turn.fit({"--fps", "5"}), "--fps: is for videos");
     refused(turn.fit({"--height", "17"}), "--height");
     refused(turn.fit({"--turn", "maybe"}), "--turn");
-    refused(turn.fit({"--to", turn.folder / "a.fbx"}), "a.fbx");
+    refused(turn.fit({"--to", turn.folder / "a.fbx"}), "--to ");
     fs::remove(turn.detections / "masks/front/0003.png");
     refused(turn.fit(), "has 11 masks, expected 12");
     fs::remove_all(turn.detections / "masks");

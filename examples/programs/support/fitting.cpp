@@ -285,7 +285,6 @@ std::vector<std::string> FittedCapture::poses_option() const {
 }
 
 FittedCapture fit_capture(const FitOptions& options, const std::vector<std::filesystem::path>& to) {
-    for (const auto& path : to) check_motion_output(path);
     const WantedPeople wanted(options.people);
     Detections detections = load_detections(options.detections);
     const BodyModel body = body_of_file(options.body);

@@ -14,16 +14,15 @@
 
 namespace gsh::examples {
 
-void check_motion_output(const std::filesystem::path& path) {
+void check_motion_output(const std::string& option, const std::filesystem::path& path) {
     const auto ending = path.extension();
-    check_value(ending == ".npz" || ending == ".bvh" || ending == ".glb", "--out " + path.string(),
+    check_value(ending == ".npz" || ending == ".bvh" || ending == ".glb", option + " " + path.string(),
                 "has the ending '" + ending.string() + "', expected .npz, .bvh or .glb");
 }
 
 void write_motion(const std::filesystem::path& path, const Motion& motion, const BodyModel& body,
                   std::vector<std::string>& warnings) {
-    check_motion_output(path);
-    if (path.extension() == ".npz") return save_motion(path, motion);
+    if (path.extension() != ".bvh" && path.extension() != ".glb") return save_motion(path, motion);
     const auto moves = [](double x) { return x != 0; };
     if (std::any_of(motion.expression.begin(), motion.expression.end(), moves))
         warnings.push_back(path.string() + ": expressions are left out, because bones cannot show them");

@@ -13,10 +13,10 @@ struct Motion;
 
 namespace gsh::examples {
 
-/// Throws ValueError unless a path ends in .npz, .bvh or .glb.
-void check_motion_output(const std::filesystem::path& path);
+/// Throws ValueError, which names the option, unless a path ends in .npz, .bvh or .glb.
+void check_motion_output(const std::string& option, const std::filesystem::path& path);
 
-/// Writes a motion, in the format that the path ends in. What the format cannot hold is added to `warnings`.
+/// Writes a motion, in the format that the path ends in: .bvh, .glb, else .npz. What the format cannot hold is added to `warnings`.
 void write_motion(const std::filesystem::path& path, const Motion& motion, const BodyModel& body,
                   std::vector<std::string>& warnings);
 

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "support/backend_option.hpp"
+#include "support/exit_codes.hpp"
 #include "support/interrupts.hpp"
 #include "support/messages.hpp"
 
@@ -22,9 +23,6 @@
 #endif
 
 namespace gsh::examples {
-
-/// Exit codes. Bad input and a full disk share one, because the user can fix both.
-enum Exit { exit_done = 0, exit_bad_input = 2, exit_interrupted = 130 };
 
 /// Tells glibc to give freed arrays of more than 1 MB back to the system at once. By default it keeps them for later
 /// requests that often do not fit, which cost a reconstruction 80 of 970 MB.

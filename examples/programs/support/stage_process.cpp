@@ -1,26 +1,33 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "support/stage_process.hpp"
 
+#include "support/exit_codes.hpp"
+
 #include <gsh/core/error.hpp>
 
 #include <spawn.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <csignal>
 #include <cstdio>
+#include <cstdlib>
 #include <cstring>
+#include <string>
 #include <system_error>
 
 namespace gsh::examples {
 
-int run_stage(const std::vector<std::string>& words) {
+namespace {
+
+/// The exit code of a program, or 128 and the signal that ended it.
+int code_of(const std::vector<std::string>& words) {
     std::vector<std::string> copies = words;
     std::vector<char*> arguments;
     for (std::string& word : copies) arguments.push_back(word.data());
     arguments.push_back(nullptr);
-    std::fflush(stdout); // so that its lines come after ours
     pid_t id = 0;
     const int error = ::posix_spawnp(&id, arguments[0], nullptr, nullptr, arguments.data(), environ);
     if (error != 0) throw IoError(words[0] + ": cannot be started: " + std::strerror(error));
@@ -28,6 +35,22 @@ int run_stage(const std::vector<std::string>& words) {
     while (::waitpid(id, &status, 0) < 0)
         if (errno != EINTR) throw IoError(words[0] + ": was lost: " + std::strerror(errno));
     return WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
+}
+
+} // namespace
+
+void announce_stage(const char* title) {
+    std::printf("== %s\n", title);
+    std::fflush(stdout); // so that progress and the lines of another program come after it
+}
+
+int run_stage(const char* title, const std::vector<std::string>& words, const std::vector<int>& accepted) {
+    announce_stage(title);
+    const int code = code_of(words);
+    if (std::find(accepted.begin(), accepted.end(), code) != accepted.end()) return code;
+    if (code == exit_interrupted || code == 128 + SIGINT || code == 128 + SIGTERM) std::exit(exit_interrupted);
+    throw Error("the stage '" + std::string(title) + "' ended with code " + std::to_string(code) +
+                "; its message stands above. The same command goes on from here");
 }
 
 std::filesystem::path folder_of_programs() {

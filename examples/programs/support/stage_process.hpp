@@ -8,11 +8,14 @@
 
 namespace gsh::examples {
 
-/// Runs a program to its end, with the output and the errors of this one, and returns its exit code, or 128 and the
-/// signal that ended it. An interrupt of the terminal reaches it as well as this program.
+/// Prints the title of a stage.
+void announce_stage(const char* title);
+
+/// Prints a title and runs a program to its end, with the output and the errors of this one. Returns its exit code. An
+/// interrupt of the terminal reaches it as well as this program, which then ends, too, with exit_interrupted.
 ///
-/// Errors  IoError if it cannot be started.
-int run_stage(const std::vector<std::string>& words);
+/// Errors  IoError if it cannot be started; Error for a code that is not in `accepted`.
+int run_stage(const char* title, const std::vector<std::string>& words, const std::vector<int>& accepted = {0});
 
 /// The folder of this program, where gsh's other programs are.
 [[nodiscard]] std::filesystem::path folder_of_programs();
