@@ -68,7 +68,7 @@ struct LoadedMasks {
 
 /// Masks that the fitted body mended.
 struct MendedMasks {
-    std::size_t cut = 0, filled = 0; ///< photographs in which more than 1% of the body's area changed
+    std::size_t cut = 0, hidden = 0; ///< photographs in which it is more than 1% of the body's area
 };
 
 /// A person, and the motion that was found.
@@ -117,7 +117,8 @@ private:
     double usual_ = 0;  // metres
 };
 
-/// Writes the mended masks to masks/; the detector's go to masks_detected/, from which the next fit reads them.
+/// Writes the mended masks to masks/, and what is hidden to hidden/. The detector's masks go to masks_detected/, from
+/// which the next fit reads them.
 MendedMasks mend_masks(const fs::path& folder, const Detections& detections, LoadedMasks& masks, const BodyModel& model,
                        const std::vector<Fitted>& people, const std::vector<Camera<double>>& cameras) {
     MendedMasks result;
@@ -132,8 +133,10 @@ MendedMasks mend_masks(const fs::path& folder, const Detections& detections, Loa
     for (std::size_t c = 0; c < C; ++c) {
         if (masks.images[c].empty()) continue;
         const fs::path from = folder / "masks" / detections.cameras[c].name,
-                       kept = folder / "masks_detected" / detections.cameras[c].name;
+                       kept = folder / "masks_detected" / detections.cameras[c].name,
+                       hiding = folder / "hidden" / detections.cameras[c].name;
         std::error_code error;
+        fs::remove_all(hiding, error); // of a fit before this one
         if (!fs::exists(kept, error)) {
             fs::create_directories(kept.parent_path());
             fs::rename(from, kept);
@@ -154,8 +157,13 @@ MendedMasks mend_masks(const fs::path& folder, const Detections& detections, Loa
                     claims.back().believed = believed(body);
                     cut = cut && (believed(body) || !body->seen(t));
                 }
-                const MaskChange change = mend_mask(claims, mask.data, cut);
-                result.cut += change.removed > 0.01, result.filled += change.filled > 0.01;
+                PixelImage hidden(1, mask.height, mask.width);
+                const MaskChange change = mend_mask(claims, mask.data, hidden.data, cut);
+                result.cut += change.removed > 0.01, result.hidden += change.hidden > 0.01;
+                if (change.hidden > 0) {
+                    fs::create_directories(hiding);
+                    write_png(hiding / (detections.masks[c][t].stem().string() + ".png"), hidden);
+                }
             }
             write_png(from / (detections.masks[c][t].stem().string() + ".png"), mask); // it may have been a JPEG
             shown.show(static_cast<double>(c * T + t + 1) / static_cast<double>(C * T), "");
@@ -259,9 +267,9 @@ std::vector<std::string> advice_of_capture(const Detections& detections, const C
     if (mended.cut > 0)
         advice.push_back("masks held things beside the person in " + std::to_string(mended.cut) +
                          " photographs, which are cut off");
-    if (mended.filled > 0)
-        advice.push_back("masks lacked parts of the body in " + std::to_string(mended.filled) +
-                         " photographs, which are filled in");
+    if (mended.hidden > 0)
+        advice.push_back("masks lack parts of the body in " + std::to_string(mended.hidden) +
+                         " photographs; these pixels are left out (hidden/)");
     if (detections.cameras.size() == 1 && !held)
         advice.push_back("one camera sees no depth: film one slow turn in one pose for arms and legs in their place");
     if (detections.cameras.size() == 1 && options.heights.empty() && !detections.calibrated)

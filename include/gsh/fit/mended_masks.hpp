@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Masks of fitted people, without what is not a person, and with limbs that they lacked.
+/// @file  Masks of fitted people, without what is not a person, and where they lack parts of a body.
 #pragma once
 
 #include <gsh/backend/serial.hpp>
@@ -26,7 +26,7 @@ namespace gsh {
 /// What mending changed in a mask, as shares of the body's area in it.
 struct MaskChange {
     double removed = 0; ///< of the person's surroundings that the mask held
-    double filled = 0;  ///< of the body that it lacked
+    double hidden = 0;  ///< of the body that it lacks
 };
 
 /// Which pixels of a photograph a fitted body claims.
@@ -35,13 +35,20 @@ struct MaskClaim {
     std::vector<std::uint8_t> core;    // [pixels] 1 where it surely is: inside of its outline by more than 2.5 cm
     std::vector<std::uint8_t> allowed; // [pixels] 1 where a mask may show the person, or clothes and hair
     std::size_t area = 0;              ///< pixels of the body
-    bool believed = true;              ///< if not, the claim only protects what is there: nothing is filled in
+    int width = 0;                     ///< of the photograph, pixels
+    double margin = 0;                 ///< 2.5 cm at the body, pixels
+    bool believed = true;              ///< if not, the claim only protects what is there: nothing is hidden
 };
 
 /// Mends the mask of a photograph, one byte a pixel, by the claims of all people in it. The mask is cut where nobody's
-/// claim allows it, if `cut`, and filled where the body of somebody who is believed surely is. Nothing is cut where the
-/// mask also lacks more than 3% of a body that is believed: then this body may be in the wrong place.
-inline MaskChange mend_mask(const std::vector<MaskClaim>& claims, Span<std::uint8_t> mask, bool cut = true);
+/// claim allows it, if `cut`. Nothing is cut where the mask also lacks more than 3% of a body that is believed: then
+/// this body may be in the wrong place. `hidden` becomes 255 where the body of somebody who is believed surely is while
+/// the mask has nobody, and in the rest of the limb around; else 0. Something is in front there, or the mask is wrong.
+///
+/// Shapes  mask and hidden [pixels], as large as the claims.
+/// Errors  ShapeError for another size.
+inline MaskChange mend_mask(const std::vector<MaskClaim>& claims, Span<std::uint8_t> mask, Span<std::uint8_t> hidden,
+                            bool cut = true);
 
 /// Mends masks by the fitted body.
 ///
@@ -50,7 +57,7 @@ inline MaskChange mend_mask(const std::vector<MaskClaim>& claims, Span<std::uint
 /// of the masks' outlines from it are collected over all photographs in which it lies on the outline, together with
 /// those of its neighbours, about a hand's breadth around. The distance that three of ten stay below, and 3 cm more, is
 /// how far a mask may reach there; beyond, it is not believed. Inside of the body, by more than 2.5 cm, a mask that
-/// says background is not believed, either.
+/// says background is not believed, either: whether the photograph shows the person there is not known.
 class MaskMender {
 public:
     MaskMender(const BodyModel& model, const FittedBody& body, const OutlineSamples& samples)
@@ -94,6 +101,7 @@ public:
         for (const RimPoint& point : rim) pixels_per_metre += point.pixels_per_metre, count += 1;
         if (count == 0) return result;
         pixels_per_metre /= count;
+        result.width = width, result.margin = inside_margin * pixels_per_metre;
         for (std::size_t i = 0; i < image.size(); ++i)
             if (image.covers(i)) ++result.area, result.body[i] = result.core[i] = result.allowed[i] = 1;
         for (int y = 0; y < height; ++y)
@@ -107,7 +115,7 @@ public:
                 };
                 if (!bare(x - 1, y) && !bare(x + 1, y) && !bare(x, y - 1) && !bare(x, y + 1)) continue;
                 stamp(result.allowed, 1, x + 0.5, y + 0.5, least_reach * pixels_per_metre);
-                stamp(result.core, 0, x + 0.5, y + 0.5, inside_margin * pixels_per_metre);
+                stamp(result.core, 0, x + 0.5, y + 0.5, result.margin);
             }
         for (const RimPoint& point : rim)
             if (reaches_[point.sample] > least_reach)
@@ -144,9 +152,12 @@ private:
     }
 };
 
-inline MaskChange mend_mask(const std::vector<MaskClaim>& claims, Span<std::uint8_t> mask, bool cut) {
+inline MaskChange mend_mask(const std::vector<MaskClaim>& claims, Span<std::uint8_t> mask, Span<std::uint8_t> hidden,
+                            bool cut) {
     MaskChange change;
     std::size_t area = 0;
+    std::fill(hidden.begin(), hidden.end(), std::uint8_t(0));
+    check_size("mend_mask", "hidden", hidden.size(), mask.size(), "one byte a pixel");
     for (const MaskClaim& claim : claims) {
         check_size("mend_mask", "mask", mask.size(), claim.body.size(), "one byte a pixel");
         area += claim.area;
@@ -164,13 +175,39 @@ inline MaskChange mend_mask(const std::vector<MaskClaim>& claims, Span<std::uint
         if (!allowed && cut) {
             change.removed += mask[i] / 255.0;
             mask[i] = 0;
-        } else if (core && mask[i] < 255) {
-            change.filled += 1 - mask[i] / 255.0;
-            mask[i] = 255;
+        } else if (core && mask[i] >= 128) {
+            mask[i] = 255; // soft masks are soft at their outline alone
         }
     }
+    for (const MaskClaim& claim : claims) {
+        if (!claim.believed || claim.area == 0) continue;
+        const int width = claim.width, height = static_cast<int>(mask.size()) / width;
+        const auto lacks = [&](int x, int y) {
+            if (x < 0 || y < 0 || x >= width || y >= height) return false;
+            const std::size_t i =
+                static_cast<std::size_t>(y) * static_cast<std::size_t>(width) + static_cast<std::size_t>(x);
+            return claim.core[i] && mask[i] < 128;
+        };
+        const double radius = 2 * claim.margin; // the outline is one margin away, and may be wrong by another
+        const int reach = static_cast<int>(radius);
+        for (int y = 0; y < height; ++y)
+            for (int x = 0; x < width; ++x) {
+                if (!lacks(x, y)) continue;
+                const bool inner = lacks(x - 1, y) && lacks(x + 1, y) && lacks(x, y - 1) && lacks(x, y + 1);
+                const int around = inner ? 0 : reach; // the discs of the border cover all that is around
+                for (int v = std::max(0, y - around); v <= std::min(height - 1, y + around); ++v)
+                    for (int u = std::max(0, x - around); u <= std::min(width - 1, x + around); ++u) {
+                        const std::size_t i =
+                            static_cast<std::size_t>(v) * static_cast<std::size_t>(width) + static_cast<std::size_t>(u);
+                        if ((u - x) * (u - x) + (v - y) * (v - y) <= radius * radius && claim.allowed[i] &&
+                            mask[i] < 128)
+                            hidden[i] = 255;
+                    }
+            }
+    }
+    for (const std::uint8_t value : hidden) change.hidden += value != 0;
     change.removed /= static_cast<double>(area);
-    change.filled /= static_cast<double>(area);
+    change.hidden /= static_cast<double>(area);
     return change;
 }
 
