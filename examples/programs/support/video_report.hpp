@@ -2,17 +2,19 @@
 /// @file  The page of gsh-video: a verdict, and a picture of each stage.
 #pragma once
 
+#include <gsh/check/video_verdict.hpp>
+
 #include <filesystem>
 #include <string>
 #include <vector>
 
 namespace gsh::examples {
 
-/// Writes OUT/report.html: what the fit notes, and for four frames of each camera the keypoints, the outline of the mask
+/// Writes OUT/report.html: the verdict, what the fit notes, and for four frames of each camera the keypoints, the outline of the mask
 /// and that of the fitted body on the photograph; then the way to the report of the avatar.
 ///
 /// Errors  IoError if a stage's files are missing.
 void write_video_report(const std::filesystem::path& out, const std::filesystem::path& body,
-                        const std::vector<std::string>& notes);
+                        const std::vector<VideoDoubt>& doubts, const std::vector<std::string>& notes);
 
 } // namespace gsh::examples
