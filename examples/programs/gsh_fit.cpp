@@ -59,7 +59,8 @@ int main(int argc, char** argv) {
                    "a video, or one of each camera; or the folder that a detector wrote: video.json, keypoints.json, "
                    "masks/, and calibration.json for several cameras")
         ->required();
-    app.add_option("--to", command.to, "also write the motion alone: OUT.bvh, OUT.glb or OUT.npz, any number of times");
+    app.add_option("--to", command.to, "also write the motion alone: OUT.bvh, OUT.glb or OUT.npz, any number of times")
+        ->allow_extra_args(false); // what follows the file is a video
     std::vector<CLI::Option*> of_videos = add_detection(app, command.detect);
     of_videos.push_back(app.add_option(
         "--out", command.out, "folder for what is found in videos (default: beside the first --to, X.detections)"));

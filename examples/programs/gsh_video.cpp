@@ -5,10 +5,12 @@
 #include "support/detecting.hpp"
 #include "support/fit_command.hpp"
 #include "support/fitting.hpp"
+#include "support/help.hpp"
 #include "support/input_files.hpp"
 #include "support/messages.hpp"
 #include "support/program.hpp"
 #include "support/stage_process.hpp"
+#include "support/video_doubts.hpp"
 #include "support/video_report.hpp"
 
 #include <gsh/io/file/atomic_file.hpp>
@@ -74,15 +76,30 @@ int make(VideoOptions options) {
     for (const std::string& name : fitted.poses) work += " " + file_checksum(capture / name);
     for (const std::string& word : reconstruct) work += " " + shell_word(word);
     work += "\n";
-    const fs::path begun = options.out / "avatar.command";
+    const fs::path record = options.out / "avatar.command";
     std::error_code error;
-    if (fs::exists(avatar / "checkpoint.gsh", error) && fs::exists(begun, error) && read_file(begun) == work)
-        reconstruct.push_back("--resume");
-    else
-        write_file(begun, work);
-    run_stage("reconstructing the avatar", reconstruct);
+    const std::string done = "done\n", earlier = fs::exists(record, error) ? read_file(record) : "";
+    if (earlier == work + done && fs::exists(avatar / "avatar.gsh", error)) {
+        announce_stage("the avatar is complete");
+    } else {
+        if (earlier == work && fs::exists(avatar / "checkpoint.gsh", error))
+            reconstruct.push_back("--resume");
+        else
+            write_file(record, work);
+        run_stage("reconstructing the avatar", reconstruct);
+        write_file(record, work + done);
+    }
 
-    write_video_report(options.out, options.fit.body, fitted);
+    const std::vector<VideoDoubt> doubts =
+        doubts_of_video(options.out, options.fit.body, options.fit.heights, fitted.poses);
+    write_video_report(options.out, options.fit.body, doubts, fitted);
+    std::printf("== verdict on the video\n%s", doubts.empty() ? "nothing in it is in the way of a good avatar\n" : "");
+    std::vector<std::string> names;
+    for (const VideoDoubt& doubt : doubts) {
+        std::printf("%s\n", doubt.text.c_str());
+        names.push_back(doubt.doubt);
+    }
+    if (!names.empty()) std::printf("read  %s\n", help_text(names).c_str());
     std::printf("see   %s\nnext: %sgsh-view %s\n", (options.out / "report.html").c_str(), programs.c_str(),
                 shell_word((avatar / "avatar.gsh").string()).c_str());
     return exit_done;

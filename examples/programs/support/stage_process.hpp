@@ -11,8 +11,8 @@ namespace gsh::examples {
 /// Prints the title of a stage.
 void announce_stage(const char* title);
 
-/// Prints a title and runs a program to its end, with the output and the errors of this one. Returns its exit code. An
-/// interrupt of the terminal reaches it as well as this program, which then ends, too, with exit_interrupted.
+/// Prints a title and runs a program to its end, with the output and the errors of this one. Returns its exit code. If it
+/// is interrupted, by Ctrl-C or by SIGTERM to this program, this program ends after it, with exit_interrupted.
 ///
 /// Errors  IoError if it cannot be started; Error for a code that is not in `accepted`.
 int run_stage(const char* title, const std::vector<std::string>& words, const std::vector<int>& accepted = {0});

@@ -3,6 +3,7 @@
 
 #include "support/base64.hpp"
 #include "support/figures.hpp"
+#include "support/help.hpp"
 #include "support/input_files.hpp"
 #include "support/overlay.hpp"
 #include "support/progress.hpp"
@@ -142,13 +143,22 @@ private:
 
 } // namespace
 
-void write_video_report(const fs::path& out, const fs::path& body, const FittedCapture& fitted) {
+void write_video_report(const fs::path& out, const fs::path& body, const std::vector<VideoDoubt>& doubts,
+                        const FittedCapture& fitted) {
     const StagePictures pictures(out / "capture", body, fitted.poses);
     Progress shown("writing the report");
     std::string html = detail::page_head("From the video to the avatar");
-    html += "<p class=\"verdict\"><a href=\"avatar/report.html\">The avatar, and how good it is</a></p>";
+    html += "<p class=\"verdict\"><a href=\"avatar/report.html\">The avatar, and how good it is</a></p>"
+            "<h2>The video</h2>";
+    if (doubts.empty()) html += "<p>Nothing in it is in the way of a good avatar.</p>";
+    if (!doubts.empty()) {
+        html += "<p>What would make the avatar better, the most important first:</p><ol>";
+        for (const VideoDoubt& doubt : doubts)
+            html += "<li>" + detail::escape(doubt.text) + " (" + detail::escape(help_text({doubt.doubt})) + ")</li>";
+        html += "</ol>";
+    }
     if (!fitted.notes.empty()) {
-        html += "<h2>What the fit says</h2><ul>";
+        html += "<h2>What the fit did</h2><ul>";
         for (const std::string& note : fitted.notes) html += "<li>" + detail::escape(note) + "</li>";
         html += "</ul>";
     }
