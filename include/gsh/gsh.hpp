@@ -183,6 +183,7 @@
 #include <gsh/fit/frame_kinematics.hpp>
 #include <gsh/fit/joint_pulls.hpp>
 #include <gsh/fit/jumping_points.hpp>
+#include <gsh/fit/keypoint_distance.hpp>
 #include <gsh/fit/landmark_places.hpp>
 #include <gsh/fit/mask_view.hpp>
 #include <gsh/fit/mended_masks.hpp>
@@ -199,6 +200,7 @@
 #include <gsh/fit/pose_axes.hpp>
 #include <gsh/fit/side_swaps.hpp>
 #include <gsh/fit/standing_world.hpp>
+#include <gsh/fit/stuck_limbs.hpp>
 #include <gsh/fit/time_offsets.hpp>
 #include <gsh/fit/track_groups.hpp>
 #include <gsh/fit/triangulation.hpp>

@@ -71,12 +71,13 @@ TEST_CASE("one camera and one turn: the turn is seen, the pose held, the height 
     const Motion truth = turn(24);
     const auto cameras = test::cameras_around(1);
     const auto photos = test::seen(test::fitted_actor(), truth, cameras, 0.008);
-    const BodyHeight height(test::fitted_actor(), 0);
+    const BodyHeight height(test::fitted_actor(), 4);
     MotionFitParams params{.height = height.mean, .betas = 4};
     const MotionFit fit = fit_motion(test::fitted_actor(), cameras, photos, truth.timestamps, params);
     CHECK(fit.turn.degrees > 320);
     CHECK(fit.held);
     CHECK(error_mm(fit.motion, truth) < 20);
+    CHECK(std::abs(height.of(fit.state.betas) - height.mean) < 0.004);
     params.turn = false;
     const MotionFit free = fit_motion(test::fitted_actor(), cameras, photos, truth.timestamps, params);
     CHECK(!free.held);

@@ -7,6 +7,7 @@
 #include <gsh/camera/pinhole.hpp>
 #include <gsh/fit/body_height.hpp>
 #include <gsh/fit/frame_kinematics.hpp>
+#include <gsh/fit/keypoint_distance.hpp>
 #include <gsh/fit/motion_descent.hpp>
 #include <gsh/fit/motion_fit.hpp>
 #include <gsh/fit/motion_problem.hpp>
@@ -14,6 +15,7 @@
 #include <gsh/fit/motion_state.hpp>
 #include <gsh/fit/outlines.hpp>
 #include <gsh/fit/side_swaps.hpp>
+#include <gsh/fit/stuck_limbs.hpp>
 #include <gsh/fit/time_offsets.hpp>
 #include <gsh/fit/turn.hpp>
 #include <gsh/fit/view_keypoints.hpp>
@@ -41,11 +43,7 @@ inline ViewMisfit misfit_of(const FittedBody& body, const FrameKinematics& kinem
     constexpr int first_hand = landmark_number("left_hand_wrist");
     ViewMisfit result;
     const auto distance = [&](int landmark, const Keypoint& point) {
-        const vec3<double> x = to_camera(view.camera, kinematics.landmark(landmark));
-        const double z = std::max(x.z, 0.1);
-        const double dx = focal * x.x / z * view.camera.fx + view.camera.cx - point.pixel.x;
-        const double dy = focal * x.y / z * view.camera.fy + view.camera.cy - point.pixel.y;
-        return std::pair(std::hypot(dx, dy), std::hypot(dx / view.camera.fx, dy / view.camera.fy) * z / focal);
+        return keypoint_distance(kinematics, landmark, view.camera, point.pixel, focal);
     };
     for (const Keypoint& point : view.points) {
         if (point.landmark >= first_hand || body.marks[static_cast<std::size_t>(point.landmark)].joint < 0) continue;
@@ -54,7 +52,7 @@ inline ViewMisfit misfit_of(const FittedBody& body, const FrameKinematics& kinem
         result.pixels.push_back(pixels), result.metres.push_back(metres);
         constexpr double most = 0.3;
         result.straight += std::min(most, metres);
-        result.swapped += std::min(most, distance(mirrored_landmark(point.landmark), point).second);
+        result.swapped += std::min(most, distance(mirrored_landmark(point.landmark), point).metres);
     }
     return result;
 }
@@ -87,6 +85,7 @@ public:
         terms_.metric = 2, terms_.prior = 1, terms_.fingers = false;
         descend(problem_, state_, terms_, 12, 1e-2);
         if (swap_back(fit, first_frame)) descend(problem_, state_, terms_, 8, 1e-2);
+        free_limbs();
         done(0.2);
         terms_.metric = 0.3, terms_.prior = 0.3;
         if (find_offsets && camera_count_ > 1) {
@@ -100,6 +99,7 @@ public:
         if (fit.held) terms_.statue = 30, terms_.metric = 0.05;
         descend(problem_, state_, terms_, 25, 1e-3);
         if (swap_back(fit, first_frame)) descend(problem_, state_, terms_, 8, 1e-3);
+        free_limbs();
         done(0.5);
         const bool masks = std::any_of(views_.begin(), views_.end(), [](const auto& frame) {
             return std::any_of(frame.begin(), frame.end(), [](const ViewKeypoints& view) { return bool(view.mask); });
@@ -138,6 +138,11 @@ private:
 
     [[nodiscard]] bool one_camera() const {
         return std::all_of(views_.begin(), views_.end(), [](const auto& frame) { return frame.size() <= 1; });
+    }
+
+    void free_limbs() {
+        if (free_stuck_limbs(*body_, state_, views_, times_, terms_) > 0)
+            descend(problem_, state_, terms_, 8, 1e-3);
     }
 
     /// Swaps sides that the motion contradicts: clearly nearer after a swap, and far before it.

@@ -38,7 +38,7 @@ struct MotionTerms {
     double betas = 2;             ///< of the shape, for each 20 frames
     double focal_spread = 0;      ///< of the focal length's logarithm; 0 keeps it
     std::optional<double> height = {}; ///< metres, of the body at rest
-    double height_spread = 0.01;
+    double height_spread = 0.002;
 };
 
 } // namespace gsh
