@@ -4,12 +4,16 @@
 
 #include "fit/filmed_person.hpp"
 
+#include <gsh/backend/serial.hpp>
 #include <gsh/body/joint_error.hpp>
+#include <gsh/body/posed_body.hpp>
+#include <gsh/prior/mesh_rasterizer.hpp>
 
 #include <doctest/doctest.h>
 
 #include <cmath>
 #include <cstddef>
+#include <cstdint>
 #include <string>
 #include <vector>
 
@@ -92,4 +96,53 @@ TEST_CASE("one person is fitted once, and findings that are given are kept") {
     CHECK(refused({}, {}).find("there are no people") != std::string::npos);
     CHECK(refused({{photos}}, {.cameras = CameraFindings{{0}, {{0, 0}}}}).find("an offset and a shift for each of 3") !=
           std::string::npos);
+}
+
+TEST_CASE("one mask of two people who stand close shows the shape of each nearly as well as its own mask") {
+    const BodyModel& body = test::fitted_actor();
+    const auto cameras = test::cameras_around(2);
+    std::vector<Motion> truth{moved(actor_motion(ActorMotion::talk, 6), {-0.2, 0, -0.1}, {0, 0, 0}),
+                              moved(actor_motion(ActorMotion::talk, 6), {0.2, 0, 0.1}, {0, 0, 0})};
+    for (std::size_t p = 0; p < 2; ++p) {
+        truth[p].betas.assign(static_cast<std::size_t>(body.shape_count), 0.0);
+        truth[p].betas[1] = p == 0 ? 3 : -3, truth[p].betas[2] = p == 0 ? -2 : 2;
+    }
+    cpu::Serial backend;
+    std::vector<std::vector<PersonPhoto>> photos;
+    std::vector<std::vector<std::uint8_t>> both;
+    std::vector<std::vector<std::vector<std::uint8_t>>> own(2);
+    for (std::size_t p = 0; p < 2; ++p) {
+        photos.push_back(test::seen(body, truth[p], cameras, 0.004, 5 + p));
+        for (std::size_t i = 0; i < photos[p].size(); ++i) {
+            const PersonPhoto& photo = photos[p][i];
+            const PosedBody posed =
+                pose_body(body, truth[p].pose_at(photo.frame), truth[p].transl[photo.frame], truth[p].betas);
+            const MeshImage image =
+                rasterize_mesh(backend, Span<const vec3<double>>(posed.vertices), body.faces, cameras[photo.camera]);
+            auto& mask = own[p].emplace_back(image.size(), std::uint8_t{0});
+            if (p == 0) both.emplace_back(image.size(), std::uint8_t{0});
+            for (std::size_t k = 0; k < mask.size(); ++k)
+                if (image.covers(k)) mask[k] = both[i][k] = 255;
+        }
+    }
+    const auto shape_error_mm = [&](std::size_t p, const std::vector<std::vector<std::uint8_t>>& masks) {
+        auto mine = photos[p];
+        for (std::size_t i = 0; i < mine.size(); ++i)
+            mine[i].mask = {cameras[0].height, cameras[0].width, masks[i].data()};
+        const MotionFit fit = fit_motion(body, cameras, mine, truth[p].timestamps, {.betas = 4});
+        const auto a = shaped_vertices(body, fit.motion.betas), b = shaped_vertices(body, truth[p].betas);
+        double sum = 0;
+        for (std::size_t v = 0; v < a.size(); ++v) sum += length(a[v] - b[v]);
+        return 1e3 * sum / static_cast<double>(a.size());
+    };
+    std::size_t shared = 0;
+    for (std::size_t i = 0; i < both.size(); ++i)
+        for (std::size_t k = 0; k < both[i].size(); ++k) shared += own[0][i][k] && own[1][i][k];
+    REQUIRE(shared > 1000); // one hides a part of the other
+    for (const std::size_t p : {0, 1}) {
+        const double alone = shape_error_mm(p, own[p]), together = shape_error_mm(p, both);
+        CAPTURE(p);
+        CAPTURE(alone);
+        CHECK(together < alone + 1.5);
+    }
 }

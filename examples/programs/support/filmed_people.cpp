@@ -6,35 +6,11 @@
 #include <gsh/fit/associate_people.hpp>
 #include <gsh/io/file/folder_list.hpp>
 #include <gsh/io/file/named_path.hpp>
-#include <gsh/math/vec.hpp>
 
 #include <algorithm>
-#include <limits>
 #include <utility>
 
 namespace gsh::examples {
-
-namespace {
-
-/// The box around the points of a person of which the detector is sure, wider by a tenth of its size.
-struct PersonBox {
-    vec2<double> low{std::numeric_limits<double>::infinity()}, high{-std::numeric_limits<double>::infinity()};
-
-    explicit PersonBox(const Detection& person) {
-        for (const Keypoint& point : person.points) {
-            if (point.confidence < 0.3) continue;
-            low = {std::min(low.x, point.pixel.x), std::min(low.y, point.pixel.y)};
-            high = {std::max(high.x, point.pixel.x), std::max(high.y, point.pixel.y)};
-        }
-        const double margin = 0.1 * std::max(high.x - low.x, high.y - low.y);
-        low -= vec2<double>(margin), high += vec2<double>(margin);
-    }
-    [[nodiscard]] bool meets(const PersonBox& other) const {
-        return low.x < other.high.x && other.low.x < high.x && low.y < other.high.y && other.low.y < high.y;
-    }
-};
-
-} // namespace
 
 WantedPeople::WantedPeople(const std::string& option) : chosen_(!option.empty()) {
     constexpr const char* where = "--people";
@@ -84,18 +60,13 @@ FilmedPeople people_of(const Detections& detections, const WantedPeople& wanted,
     FilmedPeople result{.people = {}, .in_view = who.in_view};
     const std::vector<std::string> names = wanted.names(who.count);
     for (std::size_t p = 0; p < who.count; ++p)
-        result.people.push_back({names[p], {}, {}, std::vector<bool>(detections.times.size(), false)});
+        result.people.push_back({names[p], {}, std::vector<bool>(detections.times.size(), false)});
     for (std::size_t i = 0; i < detections.keypoints.size(); ++i) {
         const PhotoKeypoints& photo = detections.keypoints[i];
         for (std::size_t k = 0; k < photo.people.size(); ++k) {
             if (who.person_of[i][k] < 0) continue;
-            bool alone = true;
-            const PersonBox box(photo.people[k]);
-            for (std::size_t other = 0; other < photo.people.size(); ++other)
-                alone &= other == k || who.person_of[i][other] < 0 || !box.meets(PersonBox(photo.people[other]));
             FilmedPerson& person = result.people[static_cast<std::size_t>(who.person_of[i][k])];
             person.photos.push_back({photo.camera, photo.frame, photo.people[k]});
-            person.alone.push_back(alone);
             person.seen[photo.frame] = true;
         }
     }

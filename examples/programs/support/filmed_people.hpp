@@ -35,8 +35,6 @@ private:
 struct FilmedPerson {
     std::string name; ///< empty for a single person without a name
     std::vector<PersonPhoto> photos;
-    std::vector<bool>
-        alone; // [photos] whether no other one of them is near; else the mask's outline is not the person's
     std::vector<bool> seen; // [T] in any photograph
 
     [[nodiscard]] std::string poses() const { return (name.empty() ? "poses" : name) + ".npz"; }

@@ -310,9 +310,7 @@ FittedCapture fit_capture(const FitOptions& options, const std::vector<std::file
 
     LoadedMasks masks(detections);
     for (FilmedPerson& person : filmed.people)
-        for (std::size_t i = 0; i < person.photos.size(); ++i)
-            if (PersonPhoto& photo = person.photos[i]; person.alone[i])
-                photo.mask = masks.at(photo.camera, photo.frame);
+        for (PersonPhoto& photo : person.photos) photo.mask = masks.at(photo.camera, photo.frame);
 
     std::vector<Camera<double>> cameras;
     for (const NamedCamera& camera : detections.cameras) cameras.push_back(camera.camera);

@@ -98,10 +98,11 @@ inline double frame_seconds(const std::vector<double>& times) {
 /// Stage 3: who each sight is, from who all others are. Cameras that are not trusted are looked at alone.
 class PeopleInPhotos {
 public:
+    /// The first `wanted` of the people are those that are asked for.
     PeopleInPhotos(Span<const Camera<double>> cameras, std::vector<bool> trusted, Span<const PersonSight> sights,
-                   std::size_t people, std::size_t frame_count, double frame_seconds)
-        : cameras_(cameras), trusted_(std::move(trusted)), sights_(sights), people_(people), frames_(frame_count),
-          memory_(std::max(1.0, 2.5 * frame_seconds)) {}
+                   std::size_t people, std::size_t wanted, std::size_t frame_count, double frame_seconds)
+        : cameras_(cameras), trusted_(std::move(trusted)), sights_(sights), people_(people), wanted_(wanted),
+          frames_(frame_count), memory_(std::max(1.0, 2.5 * frame_seconds)) {}
 
     [[nodiscard]] std::vector<int> assign(const std::vector<int>& before) const {
         // Where each person is in each camera and frame, or -1.
@@ -140,7 +141,8 @@ public:
                 for (std::size_t k = 0; k < found; ++k) {
                     const PersonSight& sight = sights_[begin + k];
                     const bool kept = before[begin + k] == static_cast<int>(p);
-                    costs[p * found + k] = cost(sight, earlier, later, others, seen, kept);
+                    constexpr double rival = 0.4; // others may be unjoined tracks of one of those who are wanted
+                    costs[p * found + k] = cost(sight, earlier, later, others, seen, kept) + (p < wanted_ ? 0 : rival);
                 }
             }
             const std::vector<int> choice = cheapest_assignment(costs, people_, found, 1);
@@ -155,7 +157,7 @@ private:
     Span<const Camera<double>> cameras_;
     std::vector<bool> trusted_;
     Span<const PersonSight> sights_;
-    std::size_t people_, frames_;
+    std::size_t people_, wanted_, frames_;
     double memory_; // seconds
 
     /// Costs are in units of what is usual; a person does without a detection that costs 1 or more.
@@ -318,7 +320,7 @@ inline AssociatedPeople associate_people(const std::vector<Camera<double>>& came
                     for (const std::size_t s : tracks[track]) person[s] = 0;
         }
     }
-    const detail::PeopleInPhotos in_photos(cameras, trusted, sights, people, times.size(), interval);
+    const detail::PeopleInPhotos in_photos(cameras, trusted, sights, people, result.count, times.size(), interval);
     for (int pass = 0; pass < 2; ++pass) person = in_photos.assign(person);
     for (int& p : person)
         if (p >= static_cast<int>(result.count)) p = -1;
