@@ -110,8 +110,14 @@ int make(VideoOptions options) {
     stage("reconstructing the avatar", reconstruct);
 
     write_video_report(options.out, options.fit.body, fitted);
-    std::printf("see   %s\nnext: %sgsh-view %s\n", (options.out / "report.html").c_str(), programs.c_str(),
-                shell_word((avatar / "avatar.gsh").string()).c_str());
+    std::string avatars;
+    for (const std::string& motion : fitted.poses) {
+        const bool single = fitted.poses.size() == 1;
+        const std::string name = single ? "avatar.gsh" : "avatar-" + fs::path(motion).stem().string() + ".gsh";
+        avatars += " " + shell_word((avatar / name).string());
+    }
+    std::printf("see   %s\nnext: %sgsh-view%s\n", (options.out / "report.html").c_str(), programs.c_str(),
+                avatars.c_str());
     return exit_done;
 }
 
