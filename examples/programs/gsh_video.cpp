@@ -15,6 +15,7 @@
 
 #include <gsh/io/file/atomic_file.hpp>
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdio>
 #include <filesystem>
@@ -77,9 +78,15 @@ int make(VideoOptions options) {
     for (const std::string& word : reconstruct) work += " " + shell_word(word);
     work += "\n";
     const fs::path record = options.out / "avatar.command";
+    std::vector<fs::path> avatars;
+    for (const std::string& motion : fitted.poses)
+        avatars.push_back(
+            avatar / (fitted.poses.size() == 1 ? "avatar.gsh" : "avatar-" + fs::path(motion).stem().string() + ".gsh"));
     std::error_code error;
+    const bool made =
+        std::all_of(avatars.begin(), avatars.end(), [&](const fs::path& file) { return fs::exists(file, error); });
     const std::string done = "done\n", earlier = fs::exists(record, error) ? read_file(record) : "";
-    if (earlier == work + done && fs::exists(avatar / "avatar.gsh", error)) {
+    if (earlier == work + done && made) {
         announce_stage("the avatar is complete");
     } else {
         if (earlier == work && fs::exists(avatar / "checkpoint.gsh", error))
@@ -100,8 +107,10 @@ int make(VideoOptions options) {
         names.push_back(doubt.doubt);
     }
     if (!names.empty()) std::printf("read  %s\n", help_text(names).c_str());
-    std::printf("see   %s\nnext: %sgsh-view %s\n", (options.out / "report.html").c_str(), programs.c_str(),
-                shell_word((avatar / "avatar.gsh").string()).c_str());
+    std::string shown;
+    for (const fs::path& file : avatars) shown += " " + shell_word(file.string());
+    std::printf("see   %s\nnext: %sgsh-view%s\n", (options.out / "report.html").c_str(), programs.c_str(),
+                shown.c_str());
     return exit_done;
 }
 
