@@ -95,6 +95,7 @@ int make(VideoOptions options) {
                                          "--out",
                                          avatar.string(),
                                          "--refine",
+                                         "--fine-registration",
                                          "--keypoints",
                                          (capture / "keypoints.json").string()};
     std::error_code error;
