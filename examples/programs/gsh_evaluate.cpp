@@ -82,7 +82,7 @@ int evaluate(const EvaluateOptions& o) {
     const bool registers = o.common.refine && !o.common.no_registration &&
                            std::any_of(runs.begin(), runs.end(),
                                        [&](const Run& run) { return !run.scene && !folder.has(run); });
-    if (registers) register_source(machine.host(), source, o.common.seed, o.common.refine_cameras);
+    if (registers) register_source(machine.host(), source, o.common);
     Evaluator evaluator(machine, source, o);
     for (const Run& run : runs) evaluator.check(run);
     for (const std::string& warning : source.warnings) warn(warning);

@@ -57,7 +57,7 @@ int reconstruct(const ReconstructOptions& options) {
     if (!options.lpips.empty()) check_lpips(options.lpips);
     if (options.resume) check_checkpoint(options, run_text(source, configuration, options)); // before work is done
     if (options.refine && !options.no_registration)
-        register_source(machine.host(), source, options.seed, options.refine_cameras);
+        register_source(machine.host(), source, options);
     ReconstructionSetup made = make_setup(machine, source, configuration, options);
     take_photographs(made, source.capture);
     const auto reconstruction = make_reconstruction(machine, std::move(made));

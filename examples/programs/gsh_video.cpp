@@ -66,6 +66,7 @@ int make(VideoOptions options) {
                                          "--out",
                                          avatar.string(),
                                          "--refine",
+                                         "--fine-registration",
                                          "--keypoints",
                                          (capture / "keypoints.json").string()};
     reconstruct.insert(reconstruct.end(), poses.begin(), poses.end());

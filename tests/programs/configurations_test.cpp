@@ -246,6 +246,10 @@ TEST_CASE("registration moves poses and shape before training, says so, and come
     CHECK(again.metrics().at("registration") == registration); // the same bits
     check_refused(refined(again, {"--steps", "5", "--resume", "--no-registration"}), "gsh-reconstruct",
                   {"checkpoint.gsh", "not registered"});
+    check_refused(refined(again, {"--steps", "5", "--resume", "--fine-registration"}), "gsh-reconstruct",
+                  {"checkpoint.gsh", "fine registration"});
+    check_refused(reconstruct(again, {"--steps", "5", "--fine-registration"}, capture), "gsh-reconstruct",
+                  {"--fine-registration", "--refine"});
     check_refused(reconstruct(again, {"--steps", "5", "--no-registration"}, capture), "gsh-reconstruct",
                   {"--no-registration", "--refine"});
 }

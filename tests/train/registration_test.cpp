@@ -102,6 +102,25 @@ TEST_CASE("Registration corrects poses that are wrong in all frames alike, seen 
     for (const double fit : found.frame_fit) CHECK(fit > 8);
 }
 
+TEST_CASE("Fine registration brings poses nearer that are near already, and keeps the shape") {
+    RoughTurn& scene = rough_turn();
+    Motion near = scene.truth;
+    for (std::size_t i = 0; i < near.pose.size(); ++i) near.pose[i] += 0.3 * (scene.estimate.pose[i] - near.pose[i]);
+    near.betas.assign(static_cast<std::size_t>(scene.body.shape_count), 0.1);
+    RegistrationParams params = fine_registration();
+    REQUIRE(params.levels.size() == 2);
+    for (RegistrationLevel& level : params.levels) level.visits = 20, level.pixels = std::min(level.pixels, 160);
+    params.gaussians = 4000;
+    const RegisteredPerson person{&scene.body, &near, {}};
+    const Registration found = register_motions(scene.backend, Span<const RegisteredPerson>(&person, 1),
+                                                Span<const Photo>(scene.photos), 7, params);
+    const double before = scene.error(near), after = scene.error(found.motions[0]);
+    MESSAGE("joints: " << before << " mm before, " << after << " mm after");
+    CHECK(before > 10);
+    CHECK(after < 0.9 * before);
+    CHECK(found.motions[0].betas == near.betas);
+}
+
 TEST_CASE("Keypoints with errors of a detector bring the joints nearer") {
     RoughTurn& scene = rough_turn();
     const MotionLandmarks places(scene.body, scene.truth, landmarks_of(scene.body));

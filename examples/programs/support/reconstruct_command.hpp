@@ -36,13 +36,16 @@ inline void add_lpips(CLI::App& app, ReconstructOptions& o) {
                  "its own range [-1, 1]");
 }
 
-/// The options --refine, --no-registration, --keypoints and --refine-cameras.
+/// The options --refine, --no-registration, --fine-registration, --keypoints and --refine-cameras.
 inline void add_refine(CLI::App& app, ReconstructOptions& o) {
     app.add_flag("--refine", o.refine,
                  "fit poses and shape to the photographs before training, and refine the poses during training; test "
                  "poses are fitted to the test images, as the protocol states");
     app.add_flag("--no-registration", o.no_registration,
                  "with --refine: only refine the poses during training, because they are known to 2 cm");
+    app.add_flag("--fine-registration", o.fine_registration,
+                 "with --refine: fit poses to fine photographs only and keep the shape, because both are near, as after "
+                 "gsh-fit");
     app.add_option("--keypoints", o.keypoints,
                    "with --refine: keypoints of the photographs, a folder of OpenPose's JSON files or a JSON file of "
                    "COCO-WholeBody; a path, or a name in the capture's folder");

@@ -150,6 +150,8 @@ void check_body(const PeopleOptions& o) {
 void check_companions(const ReconstructOptions& o) {
     if (o.refine_cameras && !o.refine) throw ValueError("--refine-cameras needs --refine");
     if (o.no_registration && !o.refine) throw ValueError("--no-registration needs --refine");
+    if (o.fine_registration && (!o.refine || o.no_registration))
+        throw ValueError("--fine-registration needs --refine, and no --no-registration");
     if (!o.keypoints.empty() && (!o.refine || o.no_registration))
         throw ValueError("--keypoints needs --refine, and no --no-registration");
     if (o.lpips_table && o.lpips.empty()) throw ValueError("--lpips-table needs --lpips");

@@ -69,7 +69,7 @@ std::string RegistrationSummary::text() const {
     return result;
 }
 
-void register_source(cpu::Threads& backend, Source& source, std::uint64_t seed, bool refine_cameras) {
+void register_source(cpu::Threads& backend, Source& source, const ReconstructOptions& options) {
     std::vector<RegisteredPerson> people;
     for (std::size_t p = 0; p < source.people.size(); ++p) {
         people.push_back({.body = &source.body(p), .motion = &source.people[p].motion});
@@ -98,11 +98,12 @@ void register_source(cpu::Threads& backend, Source& source, std::uint64_t seed, 
     if (!source.keypoints.empty()) summary.keypoints = give_keypoints(source, people);
     const std::vector<Photo> photos = photos_of(source.capture, false);
     Progress shown("registering poses");
-    RegistrationParams params;
-    params.focal = refine_cameras;
+    RegistrationParams params = options.fine_registration ? fine_registration() : RegistrationParams();
+    params.focal = options.refine_cameras;
     params.progress = [&](double share) { shown.show(share, ""); };
     Registration found =
-        register_motions(backend, Span<const RegisteredPerson>(people), Span<const Photo>(photos), seed, params);
+        register_motions(backend, Span<const RegisteredPerson>(people), Span<const Photo>(photos), options.seed,
+                         params);
     shown.show(1, "done");
 
     summary.psnr = found.fits.back().psnr;

@@ -72,7 +72,8 @@ void check_run(const ReconstructOptions& o, const std::string& there, const std:
     check_value(there == here, checkpoint_path(o).string(),
                 "belongs to a different run: " + difference(there, here) +
                     "; leave out what --resume takes from the checkpoint: --config, --set, --gaussians, --refine, "
-                    "--no-registration, --keypoints, --regions, --priors, --hold-out-motion and --poses");
+                    "--no-registration, --fine-registration, --keypoints, --regions, --priors, --hold-out-motion and "
+                    "--poses");
 }
 
 /// The name of a result file: "avatar" for one person, "avatar-NAME" for one of several.

@@ -80,6 +80,15 @@ struct RegistrationParams {
     std::function<void(double)> progress = {}; ///< called with the share that is done, if given
 };
 
+/// Settings for poses that are right to about 4 cm and a shape that was found from outlines, as those of fit_motion. At
+/// coarse sizes such poses would only get worse, and bodies of Gaussians are narrower than people: the shape stays.
+[[nodiscard]] inline RegistrationParams fine_registration() {
+    RegistrationParams params;
+    std::erase_if(params.levels, [](const RegistrationLevel& level) { return level.pixels < 100; });
+    params.refinement.betas = RefinedGroup{};
+    return params;
+}
+
 /// A person to register: a body with triangles, and its estimated motion.
 struct RegisteredPerson {
     const BodyModel* body = nullptr;
