@@ -117,6 +117,7 @@ TEST_CASE("a video becomes an avatar in stages whose files are kept; the same co
     CHECK(taller.wait().code == 130);
     CHECK(Json::parse(read_file(film.out / "capture/fit.json"))["height_m"].get<double>() > 1.8);
     CHECK(read_file(film.out / "avatar.command").find("done") == std::string::npos);
+    CHECK(!fs::exists(film.out / "avatar/checkpoint.gsh")); // from which the next run would resume
 }
 
 TEST_CASE("a stage that fails or is interrupted ends the program, and the same command goes on from there") {
