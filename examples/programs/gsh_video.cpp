@@ -90,10 +90,13 @@ int make(VideoOptions options) {
     if (earlier == work + done && made) {
         announce_stage("the avatar is complete");
     } else {
-        if (earlier == work && fs::exists(avatar / "checkpoint.gsh", error))
+        const fs::path checkpoint = avatar / "checkpoint.gsh";
+        if (earlier == work && fs::exists(checkpoint, error)) {
             reconstruct.push_back("--resume");
-        else
+        } else {
+            fs::remove(checkpoint, error); // of other work, if this is stopped before it has one of its own
             write_file(record, work);
+        }
         run_stage("reconstructing the avatar", reconstruct);
         write_file(record, work + done);
     }

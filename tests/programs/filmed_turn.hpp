@@ -25,24 +25,25 @@
 
 namespace gsh::test {
 
-/// The actor turns once before one camera; what a faultless MediaPipe would write of it, without faces.
+/// The actor turns once before one camera; what a faultless MediaPipe would write of it, without faces. It finds nobody
+/// in frame 5.
 struct FilmedTurn {
     using Json = nlohmann::ordered_json;
 
     Temporary folder;
     std::filesystem::path detections = folder / "turn", body_file = folder / "body.npz";
     BodyModel body = make_actor({.edge_scale = 1.5});
-    Motion motion = actor_turn(12);
+    Motion motion;
     Camera<double> camera = look_at<double>({0, 0.3, 3}, {0, -0.1, 0}, {0, 1, 0}, 0.75, 120, 160);
 
-    FilmedTurn() {
+    explicit FilmedTurn(int frames = 12) : motion(actor_turn(frames)) {
         save_body_model(body_file, body);
         std::filesystem::create_directories(detections / "masks/front");
         const MotionLandmarks places(body, motion, landmarks_of(body));
         cpu::Serial backend;
         Json images = Json::array(), annotations = Json::array(), times = Json::array();
-        for (std::size_t t = 0; t < 12; ++t) {
-            char name[16];
+        for (std::size_t t = 0; t < motion.frame_count(); ++t) {
+            char name[32];
             std::snprintf(name, sizeof name, "%04zu.png", t);
             images.push_back({{"id", t}, {"file_name", std::string("front/") + name}, {"width", 120}, {"height", 160}});
             times.push_back(0.1 * static_cast<double>(t));
