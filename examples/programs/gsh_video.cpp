@@ -66,7 +66,8 @@ int make(VideoOptions options) {
                                          "--out",
                                          avatar.string(),
                                          "--refine",
-                                         "--fine-registration",
+                                         fitted.free_before_one_camera ? "--fine-registration=3"
+                                                                       : "--fine-registration",
                                          "--keypoints",
                                          (capture / "keypoints.json").string()};
     reconstruct.insert(reconstruct.end(), poses.begin(), poses.end());

@@ -94,7 +94,7 @@ std::vector<Run> planned_runs(const EvaluateOptions& o) {
                             "has one frame and no motion; with --hold-out-motion, evaluate it in a call of its own");
                 // a static scene has no poses
                 run.options.refine = run.options.refine_cameras = false;
-                run.options.no_registration = run.options.fine_registration = false;
+                run.options.no_registration = false, run.options.fine_registration = 0;
                 run.options.keypoints.clear();
                 run.config = "static";
                 run.name = std::filesystem::path(config).stem().string() + set_words(run.options);
@@ -107,7 +107,7 @@ std::vector<Run> planned_runs(const EvaluateOptions& o) {
                 if (!run.options.priors.empty()) run.name += ", priors of " + run.options.priors.stem().string();
                 if (run.options.refine) run.name += run.options.refine_cameras ? ", refined with cameras" : ", refined";
                 if (run.options.no_registration) run.name += " without registration";
-                if (run.options.fine_registration) run.name += " by fine registration";
+                if (run.options.fine_registration > 0) run.name += " by fine registration";
                 if (o.common.machine.precision == "mixed") run.name += ", mixed precision";
             }
             if (o.common.machine.backend != "threads") run.name += ", " + o.common.machine.backend;

@@ -369,6 +369,8 @@ FittedCapture fit_capture(const FitOptions& options, const std::vector<std::file
     write_cameras(options.detections / "cameras.json", list);
 
     FittedCapture result;
+    result.free_before_one_camera =
+        C == 1 && std::any_of(fits.begin(), fits.end(), [](const MotionFit& fit) { return !fit.held; });
     Json reports = Json::array();
     const bool held = std::any_of(fits.begin(), fits.end(), [](const MotionFit& fit) { return fit.held; });
     if (!wanted.chosen() && filmed.in_view > 1)

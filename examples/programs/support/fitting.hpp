@@ -22,8 +22,9 @@ struct FitOptions {
 };
 
 struct FittedCapture {
-    std::vector<std::string> notes; ///< what the user should know, worst first, a sentence each
-    std::vector<std::string> poses; ///< the file of each person's motion, in the capture's folder
+    std::vector<std::string> notes;      ///< what the user should know, worst first, a sentence each
+    std::vector<std::string> poses;      ///< the file of each person's motion, in the capture's folder
+    bool free_before_one_camera = false; ///< whether depth is a guess: one camera, and no turn in one pose
 
     /// The options that name these files to other programs; none for a single poses.npz.
     [[nodiscard]] std::vector<std::string> poses_option() const;

@@ -43,9 +43,10 @@ inline void add_refine(CLI::App& app, ReconstructOptions& o) {
                  "poses are fitted to the test images, as the protocol states");
     app.add_flag("--no-registration", o.no_registration,
                  "with --refine: only refine the poses during training, because they are known to 2 cm");
-    app.add_flag("--fine-registration", o.fine_registration,
-                 "with --refine: fit poses to fine photographs only and keep the shape, because both are near, as after "
-                 "gsh-fit");
+    app.add_flag("--fine-registration{2}", o.fine_registration,
+                 "with --refine: fit poses to photographs of the 2 finest of 4 sizes only and keep the shape, because "
+                 "both are near, as after gsh-fit; =3 for a free motion before one camera")
+        ->check(CLI::Range(1, 4));
     app.add_option("--keypoints", o.keypoints,
                    "with --refine: keypoints of the photographs, a folder of OpenPose's JSON files or a JSON file of "
                    "COCO-WholeBody; a path, or a name in the capture's folder");

@@ -150,7 +150,7 @@ void check_body(const PeopleOptions& o) {
 void check_companions(const ReconstructOptions& o) {
     if (o.refine_cameras && !o.refine) throw ValueError("--refine-cameras needs --refine");
     if (o.no_registration && !o.refine) throw ValueError("--no-registration needs --refine");
-    if (o.fine_registration && (!o.refine || o.no_registration))
+    if (o.fine_registration > 0 && (!o.refine || o.no_registration))
         throw ValueError("--fine-registration needs --refine, and no --no-registration");
     if (!o.keypoints.empty() && (!o.refine || o.no_registration))
         throw ValueError("--keypoints needs --refine, and no --no-registration");

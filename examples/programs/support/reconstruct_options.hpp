@@ -37,7 +37,8 @@ struct ReconstructOptions : PeopleOptions {
     bool refine = false;           ///< refine poses in training, fit test poses
     bool refine_cameras = false;   ///< refine cameras, too
     bool no_registration = false;  ///< with refine: poses are not registered before training
-    bool fine_registration = false; ///< with refine: poses are near and the shape is right, as after gsh-fit
+    /// With refine: poses are near and the shape is right, as after gsh-fit; how many sizes of photographs, 0: no.
+    std::size_t fine_registration = 0;
     std::filesystem::path keypoints; ///< with refine: of the capture's photographs
     std::filesystem::path regions; ///< JSON lists of vertices
     std::filesystem::path priors;  ///< JSON list of an estimator's maps

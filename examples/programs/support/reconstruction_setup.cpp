@@ -125,7 +125,7 @@ std::string run_text(const Source& source, const Configuration& configuration, c
     for (const auto& [key, value] : settings_of(configuration)) text += key + " = " + value + "\n";
     if (o.refine) text += o.refine_cameras ? "refine, cameras too\n" : "refine\n";
     if (o.no_registration) text += "not registered\n";
-    if (o.fine_registration) text += "fine registration\n";
+    if (o.fine_registration > 0) text += "fine registration " + std::to_string(o.fine_registration) + "\n";
     if (!source.keypoints_checksum.empty()) text += "keypoints " + source.keypoints_checksum + "\n";
     if (configuration.has_regions() && !source.regions_checksum.empty())
         text += "regions " + source.regions_checksum + "\n";

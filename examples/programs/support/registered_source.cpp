@@ -98,7 +98,7 @@ void register_source(cpu::Threads& backend, Source& source, const ReconstructOpt
     if (!source.keypoints.empty()) summary.keypoints = give_keypoints(source, people);
     const std::vector<Photo> photos = photos_of(source.capture, false);
     Progress shown("registering poses");
-    RegistrationParams params = options.fine_registration ? fine_registration() : RegistrationParams();
+    RegistrationParams params = options.fine_registration > 0 ? fine_registration(options.fine_registration) : RegistrationParams();
     params.focal = options.refine_cameras;
     params.progress = [&](double share) { shown.show(share, ""); };
     Registration found =

@@ -81,10 +81,12 @@ struct RegistrationParams {
 };
 
 /// Settings for poses that are right to about 4 cm and a shape that was found from outlines, as those of fit_motion. At
-/// coarse sizes such poses would only get worse, and bodies of Gaussians are narrower than people: the shape stays.
-[[nodiscard]] inline RegistrationParams fine_registration() {
+/// coarse sizes such poses would only get worse, and bodies of Gaussians are narrower than people: the shape stays. Of
+/// the sizes, the finest are kept: 2, or 3 for a free motion before one camera, whose depth errs by more.
+[[nodiscard]] inline RegistrationParams fine_registration(std::size_t sizes = 2) {
     RegistrationParams params;
-    std::erase_if(params.levels, [](const RegistrationLevel& level) { return level.pixels < 100; });
+    if (sizes < params.levels.size())
+        params.levels.erase(params.levels.begin(), params.levels.end() - static_cast<std::ptrdiff_t>(sizes));
     params.refinement.betas = RefinedGroup{};
     return params;
 }
