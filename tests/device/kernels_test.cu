@@ -26,6 +26,7 @@
 #include <gsh/pipeline/density_control.hpp>
 #include <gsh/pipeline/field_appearance.hpp>
 #include <gsh/pipeline/photo_gain.hpp>
+#include <gsh/pipeline/photo_loss.hpp>
 #include <gsh/pipeline/static_model.hpp>
 #include <gsh/render/tiles.hpp>
 #include <gsh/train/refinement.hpp>

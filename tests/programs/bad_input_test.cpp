@@ -250,7 +250,8 @@ TEST_CASE("captures whose parts do not belong together") {
         fs::copy(s.dance, path / "poses.npz", fs::copy_options::overwrite_existing);
     });
 
-    refuse_capture({"images/cam01"}, image(missing));
+    refuse_capture({"images/cam01", "2 images with a gap", "go from 0 to 5"},
+                   image([](const fs::path& path) { fs::rename(path, path.parent_path() / "0005.png"); }));
     refuse_capture({"cam01/0001.png", "truncated"}, image(truncate(100)));
     refuse_capture({"cam01/0001.png", "not a PNG"}, image(write("no picture")));
     refuse_capture({"cam01/0001.png", "48 x 64"},

@@ -478,7 +478,7 @@ TEST_CASE("static: one frame as a scene of its own, without a body or poses") {
     CHECK(read_file(file / "scene.ply") == read_file(set / "scene.ply"));
 
     const Out none;
-    check_refused(run(words(none, {"--frame", "2"})), "gsh-reconstruct", {"2 images", "frame 2"});
+    check_refused(run(words(none, {"--frame", "2"})), "gsh-reconstruct", {"images of 2 frames", "frame 2"});
     check_refused(run(words(none, {"--resume"})), "gsh-reconstruct", {"static", "--resume"});
     check_refused(run(words(none, {"--refine"})), "gsh-reconstruct", {"static", "--refine"});
     check_refused(run(words(none, {"--seconds", "3"})), "gsh-reconstruct", {"static", "--steps"});

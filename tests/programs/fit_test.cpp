@@ -84,8 +84,9 @@ TEST_CASE("every refusal is one line and code 2, and writes nothing") {
     refused(turn.fit({"--height", "17"}), "--height");
     refused(turn.fit({"--turn", "maybe"}), "--turn");
     refused(turn.fit({"--to", turn.folder / "a.fbx"}), "--to ");
-    fs::remove(turn.detections / "masks/front/0003.png");
-    refused(turn.fit(), "has 11 masks, expected 12");
+    fs::rename(turn.detections / "masks/front/0003.png", turn.detections / "masks/front/third.png");
+    refused(turn.fit(),
+            "masks/front: holds 12 images with a gap in their numbers, expected 12, one for each of the times");
     fs::remove_all(turn.detections / "masks");
     write_file(turn.detections / "keypoints.json", R"({"images": [], "annotations": []})");
     refused(turn.fit(), "nobody was found in any photograph");
