@@ -95,7 +95,8 @@ inline PhotoFiles list_photos(const std::filesystem::path& folder, const std::ve
 template <HostExecutor E>
 void load_photos(E& executor, const PhotoFiles& files, int factor, const CaptureOptions& options,
                  const std::filesystem::path& folder, Capture& capture, std::vector<std::string>* warnings) {
-    const auto& [images, masks] = files;
+    const std::vector<std::filesystem::path>& images = files.images;
+    const std::vector<std::filesystem::path>& masks = files.masks;
     const std::vector<NamedCamera> full = capture.cameras;
     const std::size_t frames = capture.frame_count();
     for (NamedCamera& camera : capture.cameras) {
