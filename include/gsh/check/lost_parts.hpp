@@ -70,26 +70,11 @@ inline int part_of_joint(std::size_t joint) {
 }
 
 /// Pixels within `margin` of the silhouette, along rows and columns.
-inline Silhouette widened(const Silhouette& mask, int margin) {
-    Silhouette result = mask;
-    const auto along = [&](int lines, int length, std::size_t line_step, std::size_t step) {
-        for (int line = 0; line < lines; ++line) {
-            const std::size_t first = static_cast<std::size_t>(line) * line_step;
-            std::vector<int> before(static_cast<std::size_t>(length) + 1, 0); // pixels inside before each place
-            for (int i = 0; i < length; ++i)
-                before[static_cast<std::size_t>(i) + 1] =
-                    before[static_cast<std::size_t>(i)] + result.inside[first + static_cast<std::size_t>(i) * step];
-            for (int i = 0; i < length; ++i) {
-                const auto from = static_cast<std::size_t>(std::max(0, i - margin)),
-                           to = static_cast<std::size_t>(std::min(length, i + margin + 1));
-                result.inside[first + static_cast<std::size_t>(i) * step] = before[to] > before[from];
-            }
-        }
-    };
-    const auto width = static_cast<std::size_t>(mask.width);
-    along(mask.height, mask.width, width, 1);
-    along(mask.width, mask.height, 1, width);
-    return result;
+inline Silhouette widened(Silhouette mask, int margin) {
+    mask.invert();
+    mask = eroded(mask, margin); // of what is outside
+    mask.invert();
+    return mask;
 }
 
 } // namespace detail
