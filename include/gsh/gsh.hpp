@@ -205,7 +205,9 @@
 #include <gsh/fit/track_groups.hpp>
 #include <gsh/fit/triangulation.hpp>
 #include <gsh/fit/turn.hpp>
+#include <gsh/fit/view_corrections.hpp>
 #include <gsh/fit/view_keypoints.hpp>
+#include <gsh/fit/view_misfit.hpp>
 
 #include <gsh/pipeline/appearance.hpp>
 #include <gsh/pipeline/avatar_config.hpp>

@@ -8,12 +8,14 @@
 #include <gsh/body/pose_jumps.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/cpu.hpp>
+#include <gsh/fit/view_corrections.hpp>
 #include <gsh/io/capture/photos.hpp>
 #include <gsh/train/keypoint_scale.hpp>
 #include <gsh/train/registration.hpp>
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -30,8 +32,9 @@ std::vector<std::size_t> doubtful_frames(const std::vector<double>& weights) {
     return frames;
 }
 
-/// Gives each person the detections nearest to its estimated poses, and returns the number of photographs with some.
-std::size_t give_keypoints(const Source& source, std::vector<RegisteredPerson>& people) {
+/// Gives each person the detections nearest to its estimated poses, corrected, and returns the number of photographs
+/// with some.
+std::size_t give_keypoints(Source& source, std::vector<RegisteredPerson>& people) {
     std::vector<Camera<double>> cameras;
     for (const NamedCamera& camera : source.capture.cameras) cameras.push_back(camera.camera);
     std::vector<MotionLandmarks> posed;
@@ -41,18 +44,32 @@ std::size_t give_keypoints(const Source& source, std::vector<RegisteredPerson>& 
     for (std::size_t c = 0; c < cameras.size(); ++c)
         if (scales[c])
             throw ValueError("--keypoints: those of camera '" + source.capture.cameras[c].name + "' are " +
-                             fixed(*scales[c], 2) + " times as far from the image's corner as the points of the body that they " +
+                             fixed(*scales[c], 2) +
+                             " times as far from the image's corner as the points of the body that they " +
                              "show, so they were found in images of another size; detect on images of " +
                              std::to_string(cameras[c].width) + " x " + std::to_string(cameras[c].height) +
                              ", the size in which gsh reads them");
     auto found = keypoints_of_people(source.keypoints, cameras, posed, source.capture.frame_count());
     std::size_t count = 0;
+    std::size_t swapped = 0;
     for (std::size_t p = 0; p < people.size(); ++p) {
+        ViewCorrections corrections = correct_views(found[p], cameras.size());
+        const auto places = [&](std::size_t frame) {
+            return [&, frame](int landmark) -> std::optional<vec3<double>> {
+                if (!posed[p].has(landmark)) return std::nullopt;
+                return posed[p].at(frame, landmark);
+            };
+        };
+        swap_sides_against_motion(found[p], places, corrections.swapped);
+        swapped += corrections.swapped.size();
         for (const auto& frame : found[p])
             count += static_cast<std::size_t>(std::count_if(
                 frame.begin(), frame.end(), [](const ViewKeypoints& view) { return !view.points.empty(); }));
         people[p].keypoints = std::move(found[p]);
     }
+    if (swapped > 0)
+        source.warnings.push_back("left and right of keypoints were swapped in " + std::to_string(swapped) +
+                                  " photographs, and are swapped back");
     return count;
 }
 
@@ -85,8 +102,7 @@ void register_source(cpu::Threads& backend, Source& source, const ReconstructOpt
         if (jumps.empty()) continue;
         std::vector<std::size_t> frames;
         double farthest = 0;
-        for (const auto& [frame, distance] : jumps)
-            frames.push_back(frame), farthest = std::max(farthest, distance);
+        for (const auto& [frame, distance] : jumps) frames.push_back(frame), farthest = std::max(farthest, distance);
         source.warnings.push_back((people.size() > 1 ? source.people[p].name + ": " : std::string()) +
                                   "the poses of frames " + frames_text(frames) +
                                   " jump from those beside them by up to " + fixed(1e3 * farthest, 0) +
@@ -98,12 +114,12 @@ void register_source(cpu::Threads& backend, Source& source, const ReconstructOpt
     if (!source.keypoints.empty()) summary.keypoints = give_keypoints(source, people);
     const std::vector<Photo> photos = photos_of(source.capture, false);
     Progress shown("registering poses");
-    RegistrationParams params = options.fine_registration > 0 ? fine_registration(options.fine_registration) : RegistrationParams();
+    RegistrationParams params =
+        options.fine_registration > 0 ? fine_registration(options.fine_registration) : RegistrationParams();
     params.focal = options.refine_cameras;
     params.progress = [&](double share) { shown.show(share, ""); };
-    Registration found =
-        register_motions(backend, Span<const RegisteredPerson>(people), Span<const Photo>(photos), options.seed,
-                         params);
+    Registration found = register_motions(backend, Span<const RegisteredPerson>(people), Span<const Photo>(photos),
+                                          options.seed, params);
     shown.show(1, "done");
 
     summary.psnr = found.fits.back().psnr;
@@ -123,10 +139,11 @@ void register_source(cpu::Threads& backend, Source& source, const ReconstructOpt
         for (std::size_t k = 0; k < after.betas.size(); ++k)
             squares += std::pow(after.betas[k] - (k < before.betas.size() ? before.betas[k] : 0), 2);
         const auto moved = [&](RootAlignment aligned) { return joint_errors(body, after, before, aligned).mean_mm; };
-        summary.people.push_back({.name = source.people[p].name,
-                                  .joints_mm = moved(RootAlignment::none),
-                                  .root_aligned_mm = moved(RootAlignment::position),
-                                  .betas = std::sqrt(squares / std::max(1.0, static_cast<double>(after.betas.size())))});
+        summary.people.push_back(
+            {.name = source.people[p].name,
+             .joints_mm = moved(RootAlignment::none),
+             .root_aligned_mm = moved(RootAlignment::position),
+             .betas = std::sqrt(squares / std::max(1.0, static_cast<double>(after.betas.size())))});
         before = std::move(after);
     }
     if (!summary.doubtful_frames.empty())

@@ -8,13 +8,13 @@
 #include <gsh/camera/pinhole.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/fit/frame_kinematics.hpp>
-#include <gsh/fit/jumping_points.hpp>
 #include <gsh/fit/motion_fit.hpp>
 #include <gsh/fit/motion_fitter.hpp>
 #include <gsh/fit/motion_state.hpp>
-#include <gsh/fit/side_swaps.hpp>
 #include <gsh/fit/time_offsets.hpp>
+#include <gsh/fit/view_corrections.hpp>
 #include <gsh/fit/view_keypoints.hpp>
+#include <gsh/fit/view_misfit.hpp>
 #include <gsh/math/rotation.hpp>
 #include <gsh/math/vec.hpp>
 
@@ -138,27 +138,7 @@ inline MotionFit fit_motion(const BodyModel& body, const std::vector<Camera<doub
     check_value(std::any_of(views.begin(), views.end(), [](const auto& frame) { return !frame.empty(); }), where,
                 "no photograph shows the person");
     MotionFit fit;
-    for (std::size_t t = 0; t < views.size(); ++t) {
-        const std::vector<bool> swapped = swap_contradicting_sides(views[t]);
-        for (std::size_t v = 0; v < swapped.size(); ++v)
-            if (swapped[v]) fit.swapped.emplace_back(views[t][v].camera_number, t);
-    }
-    for (std::size_t c = 0; c < cameras.size(); ++c) {
-        std::vector<ViewKeypoints*> of_camera, alone; // alone: of moments that no other camera shows
-        std::vector<std::size_t> frames, frames_alone;
-        for (std::size_t t = 0; t < views.size(); ++t)
-            for (ViewKeypoints& view : views[t]) {
-                if (view.camera_number != c) continue;
-                of_camera.push_back(&view), frames.push_back(t);
-                if (views[t].size() == 1) alone.push_back(&view), frames_alone.push_back(t);
-            }
-        const std::vector<bool> swapped = swap_jumping_sides(alone);
-        for (std::size_t v = 0; v < swapped.size(); ++v)
-            if (swapped[v]) fit.swapped.emplace_back(c, frames_alone[v]);
-        const std::vector<bool> dropped = drop_jumping_points(of_camera);
-        for (std::size_t v = 0; v < dropped.size(); ++v)
-            if (dropped[v]) fit.left_out.emplace_back(c, frames[v]);
-    }
+    static_cast<ViewCorrections&>(fit) = correct_views(views, cameras.size());
     const FittedBody fitted(body, params.betas, params.landmarks);
     fit.time_offsets.assign(cameras.size(), 0.0);
     fit.shifts.assign(cameras.size(), vec2<double>(0));
@@ -203,10 +183,11 @@ inline MotionFit fit_motion(const BodyModel& body, const std::vector<Camera<doub
                                 static_cast<double>(T));
         });
         for (std::size_t t = begin; t < end; ++t) {
-            const FrameKinematics kinematics(fitted, fitter.state().frames[t - begin], fitter.state().betas);
+            const auto places = detail::places_of(
+                fitted, FrameKinematics(fitted, fitter.state().frames[t - begin], fitter.state().betas));
             std::vector<double> of_frame;
             for (const ViewKeypoints& view : fitter.views()[t - begin]) {
-                const auto misfit = detail::misfit_of(fitted, kinematics, view, std::exp(fitter.state().log_focal));
+                const ViewMisfit misfit = view_misfit(view, places, std::exp(fitter.state().log_focal));
                 of_frame.insert(of_frame.end(), misfit.metres.begin(), misfit.metres.end());
                 auto& px = pixels[view.camera_number];
                 auto& m = metres[view.camera_number];

@@ -1,10 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  How far a landmark of a posed body lies from a keypoint.
+/// @file  How far a landmark lies from a keypoint.
 #pragma once
 
-#include <gsh/body/keypoints.hpp>
 #include <gsh/camera/pinhole.hpp>
-#include <gsh/fit/frame_kinematics.hpp>
 #include <gsh/math/vec.hpp>
 
 #include <algorithm>
@@ -18,10 +16,11 @@ struct KeypointDistance {
 };
 
 /// The distance of a landmark from a pixel; `focal` is a factor on the camera's focal lengths.
-[[nodiscard]] inline KeypointDistance keypoint_distance(const FrameKinematics& kinematics, int landmark,
-                                                        const Camera<double>& camera, const vec2<double>& pixel,
-                                                        double focal) {
-    const vec3<double> x = to_camera(camera, kinematics.landmark(landmark));
+///
+/// Frame   landmark in the world.
+[[nodiscard]] inline KeypointDistance keypoint_distance(const vec3<double>& landmark, const Camera<double>& camera,
+                                                        const vec2<double>& pixel, double focal = 1) {
+    const vec3<double> x = to_camera(camera, landmark);
     const double z = std::max(x.z, 0.1);
     const double dx = focal * x.x / z * camera.fx + camera.cx - pixel.x;
     const double dy = focal * x.y / z * camera.fy + camera.cy - pixel.y;

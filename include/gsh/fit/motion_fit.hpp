@@ -8,12 +8,12 @@
 #include <gsh/fit/mask_view.hpp>
 #include <gsh/fit/motion_state.hpp>
 #include <gsh/fit/turn.hpp>
+#include <gsh/fit/view_corrections.hpp>
 #include <gsh/math/vec.hpp>
 
 #include <cstddef>
 #include <functional>
 #include <optional>
-#include <utility>
 #include <vector>
 
 namespace gsh {
@@ -49,18 +49,16 @@ struct KeypointFit {
     std::size_t count = 0;
 };
 
-struct MotionFit : CameraFindings {
+/// Views in which sides were swapped are in order.
+struct MotionFit : CameraFindings, ViewCorrections {
     Motion motion;
     MotionState state;               ///< the same as numbers of a FittedBody with the same number of shape coefficients
     Turn turn;                       ///< how far the person turns
     bool held = false;               ///< whether the pose was held alike, as that of a person who turns in place
     std::vector<double> time_errors; // [cameras] standard errors of offsets, seconds; large if nothing moves
-    std::vector<KeypointFit> camera_fit;                      // [cameras]
-    std::vector<double> frame_fit;                            // [T] metres, median; NaN without keypoints
-    std::vector<std::pair<std::size_t, std::size_t>> swapped; ///< camera and frame of swapped sides, in order
-    std::vector<std::pair<std::size_t, std::size_t>>
-        left_out;             ///< camera and frame of detections that were wrong about the whole person
-    std::size_t outlines = 0; ///< photographs whose mask was used
+    std::vector<KeypointFit> camera_fit; // [cameras]
+    std::vector<double> frame_fit;       // [T] metres, median; NaN without keypoints
+    std::size_t outlines = 0;            ///< photographs whose mask was used
 };
 
 } // namespace gsh

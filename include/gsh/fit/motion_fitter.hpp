@@ -7,17 +7,16 @@
 #include <gsh/camera/pinhole.hpp>
 #include <gsh/fit/body_height.hpp>
 #include <gsh/fit/frame_kinematics.hpp>
-#include <gsh/fit/keypoint_distance.hpp>
 #include <gsh/fit/motion_descent.hpp>
 #include <gsh/fit/motion_fit.hpp>
 #include <gsh/fit/motion_problem.hpp>
 #include <gsh/fit/motion_start.hpp>
 #include <gsh/fit/motion_state.hpp>
 #include <gsh/fit/outlines.hpp>
-#include <gsh/fit/side_swaps.hpp>
 #include <gsh/fit/stuck_limbs.hpp>
 #include <gsh/fit/time_offsets.hpp>
 #include <gsh/fit/turn.hpp>
+#include <gsh/fit/view_corrections.hpp>
 #include <gsh/fit/view_keypoints.hpp>
 #include <gsh/math/spread.hpp>
 #include <gsh/math/vec.hpp>
@@ -27,34 +26,18 @@
 #include <cstddef>
 #include <functional>
 #include <limits>
+#include <optional>
 #include <utility>
 #include <vector>
 
 namespace gsh::detail {
 
-/// Distances of a view's landmarks of trunk, limbs and head from their keypoints, metres; and the energy of all if the
-/// sides are swapped, relative to that if they are not.
-struct ViewMisfit {
-    std::vector<double> metres, pixels;
-    double straight = 0, swapped = 0; ///< sums of distances, each at most 0.3 m
-};
-inline ViewMisfit misfit_of(const FittedBody& body, const FrameKinematics& kinematics, const ViewKeypoints& view,
-                            double focal) {
-    constexpr int first_hand = landmark_number("left_hand_wrist");
-    ViewMisfit result;
-    const auto distance = [&](int landmark, const Keypoint& point) {
-        return keypoint_distance(kinematics, landmark, view.camera, point.pixel, focal);
+/// The places of a frame's landmarks, as view_misfit() asks for them.
+inline auto places_of(const FittedBody& body, FrameKinematics kinematics) {
+    return [&body, kinematics = std::move(kinematics)](int landmark) -> std::optional<vec3<double>> {
+        if (body.marks[static_cast<std::size_t>(landmark)].joint < 0) return std::nullopt;
+        return kinematics.landmark(landmark);
     };
-    for (const Keypoint& point : view.points) {
-        if (point.landmark >= first_hand || body.marks[static_cast<std::size_t>(point.landmark)].joint < 0) continue;
-        if (point.confidence < 0.5) continue;
-        const auto [pixels, metres] = distance(point.landmark, point);
-        result.pixels.push_back(pixels), result.metres.push_back(metres);
-        constexpr double most = 0.3;
-        result.straight += std::min(most, metres);
-        result.swapped += std::min(most, distance(mirrored_landmark(point.landmark), point).metres);
-    }
-    return result;
 }
 
 /// NaN of none.
@@ -141,31 +124,14 @@ private:
     }
 
     void free_limbs() {
-        if (free_stuck_limbs(*body_, state_, views_, times_, terms_) > 0)
-            descend(problem_, state_, terms_, 8, 1e-3);
+        if (free_stuck_limbs(*body_, state_, views_, times_, terms_) > 0) descend(problem_, state_, terms_, 8, 1e-3);
     }
 
-    /// Swaps sides that the motion contradicts: clearly nearer after a swap, and far before it.
     bool swap_back(MotionFit& fit, std::size_t first_frame) {
-        bool any = false;
-        for (std::size_t t = 0; t < views_.size(); ++t) {
-            const FrameKinematics kinematics(*body_, state_.frames[t], state_.betas);
-            for (ViewKeypoints& view : views_[t]) {
-                const ViewMisfit misfit = misfit_of(*body_, kinematics, view, std::exp(state_.log_focal));
-                if (misfit.metres.size() < 6 || misfit.swapped > 0.6 * misfit.straight ||
-                    misfit.straight < 0.05 * static_cast<double>(misfit.metres.size()))
-                    continue;
-                swap_sides(view);
-                any = true;
-                const std::pair place(view.camera_number, t + first_frame);
-                const auto found = std::find(fit.swapped.begin(), fit.swapped.end(), place);
-                if (found == fit.swapped.end())
-                    fit.swapped.push_back(place);
-                else
-                    fit.swapped.erase(found); // back again
-            }
-        }
-        return any;
+        const auto places = [&](std::size_t t) {
+            return places_of(*body_, FrameKinematics(*body_, state_.frames[t], state_.betas));
+        };
+        return swap_sides_against_motion(views_, places, fit.swapped, std::exp(state_.log_focal), first_frame);
     }
 
     /// Moves the keypoints of cameras whose clocks differ to the common times.

@@ -35,12 +35,12 @@ inline double limb_misfit(const FrameKinematics& kinematics, const LimbLandmarks
                           const std::vector<ViewKeypoints>& views, double focal) {
     double sum = 0;
     for (const int landmark : {limb[1], limb[2]}) {
+        const vec3<double> place = kinematics.landmark(landmark);
         double distances = 0, weights = 0;
         for (const ViewKeypoints& view : views)
             for (const Keypoint& point : view.points) {
                 if (point.landmark != landmark) continue;
-                const double metres =
-                    keypoint_distance(kinematics, landmark, view.camera, point.pixel, focal).metres;
+                const double metres = keypoint_distance(place, view.camera, point.pixel, focal).metres;
                 distances += point.confidence * metres, weights += point.confidence;
             }
         if (weights > 0) sum += distances / weights;
