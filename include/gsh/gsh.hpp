@@ -194,6 +194,7 @@
 #include <gsh/fit/motion_problem.hpp>
 #include <gsh/fit/motion_start.hpp>
 #include <gsh/fit/motion_state.hpp>
+#include <gsh/fit/outline_shifts.hpp>
 #include <gsh/fit/outlines.hpp>
 #include <gsh/fit/person_sights.hpp>
 #include <gsh/fit/person_tracks.hpp>

@@ -2,12 +2,16 @@
 /// @file  A body in motion, as a faultless detector would see it.
 #pragma once
 
+#include <gsh/backend/serial.hpp>
 #include <gsh/body/body_model.hpp>
 #include <gsh/body/landmarks.hpp>
 #include <gsh/body/motion.hpp>
 #include <gsh/body/motion_landmarks.hpp>
+#include <gsh/body/posed_body.hpp>
 #include <gsh/camera/pinhole.hpp>
 #include <gsh/fit/fit_motion.hpp>
+#include <gsh/image/image.hpp>
+#include <gsh/prior/mesh_rasterizer.hpp>
 #include <gsh/synthetic/actor.hpp>
 #include <gsh/synthetic/actor_motion.hpp>
 
@@ -15,6 +19,7 @@
 
 #include <cmath>
 #include <cstddef>
+#include <cstdint>
 #include <numbers>
 #include <vector>
 
@@ -65,6 +70,22 @@ inline std::vector<PersonPhoto> seen(const BodyModel& body, const Motion& motion
             photos.push_back(std::move(photo));
         }
     return photos;
+}
+
+/// The silhouettes of a motion in photographs, 255 where the body is; `photos` tell cameras and frames.
+inline std::vector<Image<std::uint8_t>> masks_of(const BodyModel& body, const Motion& motion,
+                                                 const std::vector<Camera<double>>& cameras,
+                                                 const std::vector<PersonPhoto>& photos) {
+    cpu::Serial backend;
+    std::vector<Image<std::uint8_t>> masks;
+    for (const PersonPhoto& photo : photos) {
+        const PosedBody posed = pose_body(body, motion.pose_at(photo.frame), motion.transl[photo.frame], motion.betas);
+        masks.push_back(
+            rasterize_mesh(backend, Span<const vec3<double>>(posed.vertices), body.faces, cameras[photo.camera])
+                .mask());
+        for (std::uint8_t& pixel : masks.back().data) pixel = static_cast<std::uint8_t>(255 * pixel);
+    }
+    return masks;
 }
 
 } // namespace gsh::test

@@ -12,6 +12,7 @@
 #include <gsh/fit/motion_problem.hpp>
 #include <gsh/fit/motion_start.hpp>
 #include <gsh/fit/motion_state.hpp>
+#include <gsh/fit/outline_shifts.hpp>
 #include <gsh/fit/outlines.hpp>
 #include <gsh/fit/stuck_limbs.hpp>
 #include <gsh/fit/time_offsets.hpp>
@@ -89,14 +90,19 @@ public:
         });
         if (masks) {
             const OutlineSamples samples(*model_, *body_);
-            constexpr int rounds = 3;
-            terms_.outline = 80;
-            for (int round = 0; round < rounds; ++round) {
-                find_outlines(fit, samples, round == 0 ? 0.10 : 0.06);
-                terms_.fingers = round + 1 == rounds;
-                descend(problem_, state_, terms_, terms_.fingers ? 10 : 4, terms_.fingers ? 3e-4 : 1e-3);
-                done(0.6 + 0.4 * round / rounds);
-            }
+            const auto draw = [&](double reach, int steps, double tolerance) {
+                find_outlines(fit, samples, reach);
+                descend(problem_, state_, terms_, steps, tolerance);
+            };
+            terms_.outline = 80, terms_.fingers = false;
+            draw(0.10, 4, 1e-3);
+            if (find_offsets)
+                for (int pass = 0; pass < 8 && refine_shifts(fit, samples); ++pass) draw(0.06, 4, 1e-3);
+            done(0.7);
+            draw(0.06, 4, 1e-3);
+            done(0.8);
+            terms_.fingers = true;
+            draw(0.06, 10, 3e-4);
             problem_.set_outlines(samples, {}, {}); // they end with this function
         } else {
             terms_.fingers = true;
@@ -165,24 +171,49 @@ private:
             const auto found = time_offsets(*body_, state_, views_, times_, camera_count_);
             bool any = false;
             for (std::size_t c = 0; c < camera_count_; ++c) {
+                constexpr double least = 0.005; // of the longer side
                 const vec2<double> next = fit.shifts[c] + found[c].shift;
-                std::vector<ViewKeypoints*> of_camera;
-                for (auto& frame : views_)
-                    for (ViewKeypoints& view : frame)
-                        if (view.camera_number == c) of_camera.push_back(&view);
-                if (of_camera.empty()) continue;
-                const double longer = std::max(of_camera[0]->camera.width, of_camera[0]->camera.height);
-                constexpr double least = 0.005, most = 0.03; // of the longer side
-                const double size = std::hypot(next.x, next.y);
-                if (size < least * longer || size > most * longer) continue;
-                for (ViewKeypoints* view : of_camera)
-                    view->camera.cx += found[c].shift.x, view->camera.cy += found[c].shift.y;
-                fit.shifts[c] = next;
-                any = true;
+                if (std::hypot(next.x, next.y) >= least * longer_side(c)) any |= move_camera(fit, c, found[c].shift);
             }
             if (!any) return;
             descend(problem_, state_, terms_, 6, 1e-3);
         }
+    }
+
+    /// The same by outlines, which tell shifts of less than a pixel: those four times as large as their errors. The
+    /// body has followed them in part, so cameras that have moved go on as long as there is something left. Returns
+    /// whether any camera moved.
+    bool refine_shifts(MotionFit& fit, const OutlineSamples& samples) {
+        if (camera_count_ < 3) return false;
+        const std::vector<OutlineShift> found = outline_shifts(*body_, samples, state_, views_, camera_count_);
+        bool any = false;
+        for (std::size_t c = 0; c < camera_count_; ++c) {
+            constexpr double worth = 0.25, rest = 0.1; // pixels
+            const auto& [shift, error] = found[c];
+            const double least =
+                fit.shifts[c] == vec2<double>(0) ? std::max(worth, 4 * std::hypot(error.x, error.y)) : rest;
+            if (std::hypot(shift.x, shift.y) > least) any |= move_camera(fit, c, shift);
+        }
+        return any;
+    }
+
+    /// Of a camera's images; 0 without any.
+    [[nodiscard]] double longer_side(std::size_t camera) const {
+        for (const auto& frame : views_)
+            for (const ViewKeypoints& view : frame)
+                if (view.camera_number == camera) return std::max(view.camera.width, view.camera.height);
+        return 0;
+    }
+    /// Moves a camera's principal point by some pixels, unless it would be farther from its calibration than is likely.
+    bool move_camera(MotionFit& fit, std::size_t camera, const vec2<double>& by) {
+        constexpr double most = 0.03; // of the longer side
+        const vec2<double> next = fit.shifts[camera] + by;
+        if (std::hypot(next.x, next.y) > most * longer_side(camera)) return false;
+        for (auto& frame : views_)
+            for (ViewKeypoints& view : frame)
+                if (view.camera_number == camera) view.camera.cx += by.x, view.camera.cy += by.y;
+        fit.shifts[camera] = next;
+        return true;
     }
 
     void find_outlines(MotionFit& fit, const OutlineSamples& samples, double reach) {
