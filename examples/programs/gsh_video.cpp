@@ -38,6 +38,27 @@ struct VideoOptions {
     bool preview = false;
 };
 
+/// Fits the body. If the detector can, it then cuts the masks anew by the body, and the body is fitted to these.
+FittedCapture fit_with_masks(const VideoOptions& options) {
+    const fs::path masks = options.fit.detections / "masks_by_body", record = options.out / "masks.command";
+    // Masks belong to the options of the fit by which they were cut.
+    const FitOptions& fit = options.fit;
+    std::string work = file_checksum(fit.body) + " " + fit.people + " " + fit.turn + " " + std::to_string(fit.betas);
+    if (fit.focal) work += " focal " + std::to_string(*fit.focal);
+    for (const double height : fit.heights) work += " " + std::to_string(height);
+    std::error_code error;
+    if (!fs::exists(masks, error) || !fs::exists(record, error) || read_file(record) != work) {
+        fs::remove_all(masks, error);
+        announce_stage("fitting the body");
+        FittedCapture fitted = fit_capture(fit, {});
+        if (!fitted.masks_by_body) return fitted;
+        cut_masks_by_body(options.detect, fit.detections);
+        write_file(record, work);
+    }
+    announce_stage("fitting the body to its masks");
+    return fit_capture(fit, {});
+}
+
 int make(VideoOptions options) {
     const fs::path capture = options.out / "capture", check = options.out / "check", avatar = options.out / "avatar";
     const std::string programs = folder_of_programs().string() + "/";
@@ -47,9 +68,8 @@ int make(VideoOptions options) {
 
     detect(options.detect, capture);
 
-    announce_stage("fitting the body");
     options.fit.detections = capture;
-    const FittedCapture fitted = fit_capture(options.fit, {});
+    const FittedCapture fitted = fit_with_masks(options);
     for (const std::string& note : fitted.notes) std::printf("note: %s\n", note.c_str());
     const std::vector<std::string> poses = fitted.poses_option();
 

@@ -14,7 +14,7 @@ import calibration
 import sides
 import times
 from failure import Failure
-from folder import Folder, cameras_json, keypoints_json, video_json, write_json
+from folder import Folder, cameras_json, keypoints_json, landmarks_of, video_json, write_json
 
 DETECTOR = "mediapipe 0.10.21"
 CONTRACT = """
@@ -25,8 +25,12 @@ keypoints.json, video.json and, with --calibration, calibration.json; docs/detec
 A run that was stopped goes on where it stopped, if it is started again with the same arguments.
 
 Other detectors: gsh-video and gsh-fit --detector PROGRAM call PROGRAM OUT VIDEO... --fps N --frames N --size N
-[--begin S] [--end S] [--calibration FILE] [--restart]. PROGRAM writes the same files into OUT, and ends with 0; or it writes one
-line that says what is wrong to standard error, and ends with another code. keypoints.json is written last.
+[--begin S] [--end S] [--calibration FILE] [--restart]. PROGRAM writes the same files into OUT, and ends with 0; or it
+writes one line that says what is wrong to standard error, and ends with another code. keypoints.json is written last.
+
+--bodies cuts the masks of OUT anew by the fitted bodies that gsh-fit has written to OUT/bodies, and puts them into
+OUT/masks_by_body, which the next gsh-fit reads. gsh-video calls PROGRAM OUT --bodies if "masks_by_body" is true in the
+video.json that PROGRAM wrote.
 """
 
 
@@ -70,12 +74,17 @@ def parse(arguments):
         "--input-fps", type=float, default=30, metavar="N", help="frames per second of folders of images (30)"
     )
     parser.add_argument("--jobs", type=int, default=0, metavar="N", help="processes (one per core)")
+    parser.add_argument(
+        "--bodies", action="store_true", help="cut the masks of OUT anew, by bodies that gsh-fit has fitted"
+    )
     parser.add_argument("--restart", action="store_true", help="discard what OUT holds of an earlier run")
     options = parser.parse_intermixed_args(arguments)
     for name, least in (("fps", 1e-3), ("frames", 1), ("size", 64), ("input_fps", 1e-3), ("jobs", 0)):
         if not getattr(options, name) >= least:
             parser.error(f"--{name.replace('_', '-')} must be at least {least:g}")
-    if not options.videos and not options.camera:
+    if options.bodies and (options.videos or options.camera):
+        parser.error("--bodies takes the images of OUT, and no VIDEO")
+    if not options.bodies and not options.videos and not options.camera:
         parser.error("give a VIDEO")
     return options
 
@@ -139,7 +148,7 @@ def prepare(folder, options, sources):
     if folder.out.exists() and any(folder.out.iterdir()):
         if not file.exists():
             raise Failure(f"{folder.out} exists and is not of this program; name another folder")
-        for name in ("images", "masks", "masks_detected", "plates", ".detect"):
+        for name in ("images", "masks", "masks_detected", "masks_by_body", "bodies", "hidden", "plates", ".detect"):
             shutil.rmtree(folder.out / name, ignore_errors=True)
         for name in ("keypoints.json", "video.json", "calibration.json"):
             (folder.out / name).unlink(missing_ok=True)
@@ -259,10 +268,43 @@ def run(options):
         folder.out / "keypoints.json",
         keypoints_json([(c["name"], c["width"], c["height"]) for c in cameras], found, DETECTOR),
     )
-    for path in folder.work.iterdir():  # what only a continued run needs
+    clean(folder)
+    report(folder, names, found)
+
+
+def clean(folder):
+    """Removes what only a continued run needs."""
+    for path in folder.work.iterdir():
         if path.name != "settings.json":
             shutil.rmtree(path) if path.is_dir() else path.unlink()
-    report(folder, names, found)
+
+
+def cut_by_bodies(options):
+    """Masks anew, by bodies. They appear all at once."""
+    import stages
+    import workers
+
+    folder = Folder(options.out)
+    for path in (folder.out / "video.json", folder.out / "keypoints.json"):
+        if not path.exists():
+            raise Failure(f"{path} does not exist; find the person first: scripts/detect {folder.out} VIDEO...")
+    if not (folder.out / "bodies").is_dir():
+        raise Failure(f"{folder.out / 'bodies'} does not exist; fit the body first: gsh-fit {folder.out}")
+    cameras = {c["name"]: len(c["times"]) for c in json.loads((folder.out / "video.json").read_text())["cameras"]}
+    poses = landmarks_of(json.loads((folder.out / "keypoints.json").read_text()), cameras)
+    folder.work.mkdir(exist_ok=True)
+    clean(folder)
+    jobs, every = options.jobs or os.cpu_count() or 1, sum(cameras.values())
+    workers.run(
+        "colours", jobs, stages.learn_bodies, [(folder, n, count, poses[n]) for n, count in cameras.items()], every
+    )
+    pieces = [(n, list(range(i, min(i + 12, count)))) for n, count in cameras.items() for i in range(0, count, 12)]
+    workers.run("masks", jobs, stages.make_masks_by_bodies, [(folder, *p, poses[p[0]]) for p in pieces], every)
+    done = folder.out / "masks_by_body"
+    shutil.rmtree(done, ignore_errors=True)
+    os.replace(folder.work / "masks_by_body", done)
+    clean(folder)
+    print(f"wrote {done}")
 
 
 def report(folder, names, found):
@@ -282,7 +324,7 @@ def report(folder, names, found):
 def main():
     options = parse(sys.argv[1:])
     try:
-        run(options)
+        cut_by_bodies(options) if options.bodies else run(options)
     except Failure as failure:
         print(f"detect: {failure}", file=sys.stderr)
         return 1

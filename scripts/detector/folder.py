@@ -5,6 +5,8 @@ import json
 import os
 from pathlib import Path
 
+import numpy as np
+
 
 class Folder:
     def __init__(self, out):
@@ -15,6 +17,17 @@ class Folder:
 
     def mask(self, camera, i):
         return self.out / "masks" / camera / f"{i:04d}.png"
+
+    def first_mask(self, camera, i):
+        """The mask that this program wrote first; gsh-fit has moved it if it has mended it."""
+        moved = self.out / "masks_detected" / camera / f"{i:04d}.png"
+        return moved if moved.exists() else self.mask(camera, i)
+
+    def body(self, camera, i):
+        return self.out / "bodies" / camera / f"{i:04d}.png"
+
+    def new_mask(self, camera, i):
+        return self.work / "masks_by_body" / camera / f"{i:04d}.png"
 
     def plate(self, camera):
         return self.out / "plates" / f"{camera}.png"
@@ -63,11 +76,23 @@ def keypoints_json(cameras, people, detector):
     }
 
 
+def landmarks_of(keypoints, cameras):
+    """Of what keypoints_json() made: for each camera, MediaPipe's landmarks [33, 3] of the frames that have some."""
+    places = {image["id"]: image["file_name"] for image in keypoints["images"]}
+    found = {name: {} for name in cameras}
+    for person in keypoints["annotations"]:
+        camera, _, file = places[person["image_id"]].partition("/")
+        if "mediapipe_pose" in person and camera in found:
+            found[camera][int(Path(file).stem)] = np.array(person["mediapipe_pose"]).reshape(33, 3)
+    return found
+
+
 def video_json(fps, cameras, sources, times):
     """`cameras`: dicts of name, width, height and perhaps focal; `times`: per camera, seconds in its own video."""
     origin = min(t[0] for t in times)
     return {
         "fps": round(fps, 6),
+        "masks_by_body": True,
         "cameras": [
             {
                 **camera,

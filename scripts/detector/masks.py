@@ -2,7 +2,7 @@
 """Masks of the person, and the background without the person (the plate) of a camera that stands still.
 
 Every pixel has a logarithm of how much likelier the person is than the background, from three sources:
-- MediaPipe's coarse mask and the limbs: the distance to their outline,
+- the place: the distance to an outline, that of MediaPipe's coarse mask and the limbs, or that of a fitted body,
 - the colour: how often the person has it in all frames, against the plate at this pixel, also in a shadow,
 - where there is no plate: how often the background has the colour elsewhere.
 The outline is then the minimum cut of these numbers and of the image's edges. OpenCV's grabCut finds it; its own models
@@ -14,31 +14,33 @@ import warnings
 import cv2
 import numpy as np
 
-# Limbs between two landmarks, and their radius in sizes of the body; places with several landmarks are their mean.
+# Limbs between two landmarks, their radius in sizes of the body, and the part of the body, which has its own colours;
+# places with several landmarks are their mean.
 SHOULDERS, EARS = (11, 12), (7, 8)
+HEAD, TRUNK, UPPER_ARM, LOWER_ARM, HAND, THIGH, SHIN, FOOT = PARTS = range(8)
 LIMBS = (
-    ((11,), (13,), 0.0375),
-    ((13,), (15,), 0.0275),
-    ((12,), (14,), 0.0375),
-    ((14,), (16,), 0.0275),
-    ((15,), (19,), 0.03),
-    ((16,), (20,), 0.03),
-    ((11,), (12,), 0.045),
-    ((11,), (23,), 0.06),
-    ((12,), (24,), 0.06),
-    ((23,), (24,), 0.055),
-    ((23,), (25,), 0.0475),
-    ((25,), (27,), 0.035),
-    ((24,), (26,), 0.0475),
-    ((26,), (28,), 0.035),
-    ((27,), (29,), 0.025),
-    ((28,), (30,), 0.025),
-    ((27,), (31,), 0.025),
-    ((28,), (32,), 0.025),
-    ((29,), (31,), 0.0225),
-    ((30,), (32,), 0.0225),
-    (SHOULDERS, EARS, 0.03),
-    (EARS, EARS, 0.075),
+    ((11,), (13,), 0.0375, UPPER_ARM),
+    ((13,), (15,), 0.0275, LOWER_ARM),
+    ((12,), (14,), 0.0375, UPPER_ARM),
+    ((14,), (16,), 0.0275, LOWER_ARM),
+    ((15,), (19,), 0.03, HAND),
+    ((16,), (20,), 0.03, HAND),
+    ((11,), (12,), 0.045, TRUNK),
+    ((11,), (23,), 0.06, TRUNK),
+    ((12,), (24,), 0.06, TRUNK),
+    ((23,), (24,), 0.055, TRUNK),
+    ((23,), (25,), 0.0475, THIGH),
+    ((25,), (27,), 0.035, SHIN),
+    ((24,), (26,), 0.0475, THIGH),
+    ((26,), (28,), 0.035, SHIN),
+    ((27,), (29,), 0.025, FOOT),
+    ((28,), (30,), 0.025, FOOT),
+    ((27,), (31,), 0.025, FOOT),
+    ((28,), (32,), 0.025, FOOT),
+    ((29,), (31,), 0.0225, FOOT),
+    ((30,), (32,), 0.0225, FOOT),
+    (SHOULDERS, EARS, 0.03, HEAD),
+    (EARS, EARS, 0.075, HEAD),
 )
 CORE, WIDTH, NEAR = (
     0.12,
@@ -52,7 +54,7 @@ EDGE = 0.012  # the coarse outline is believed this many sizes of the body farth
 COLOUR, PLACE, FAR = 1.0, 2.0, 2.0  # weights; FAR for what lies four times farther from the coarse outline
 SURE = 1.0  # weight of MediaPipe's own certainty
 COLOUR_LIMIT = 6.0
-CUT = 10.0  # weight of the numbers against edges in grabCut, whose edges count up to 50
+CUT = 10.0  # weight in the minimum cut
 
 
 def body_size(pose):
@@ -68,7 +70,7 @@ def draw_limbs(shape, pose, size, factor):
     """Where the limbs are, if their radii are multiplied by `factor`."""
     image = np.zeros(shape, np.uint8)
     place = lambda ids: tuple(int(v) for v in np.round(16 * (pose[list(ids), :2].mean(0) - 0.5)))
-    for a, b, radius in LIMBS:
+    for a, b, radius, _ in LIMBS:
         cv2.line(image, place(a), place(b), 255, max(1, int(round(2 * factor * radius * size))), cv2.LINE_AA, 4)
     cv2.fillConvexPoly(image, np.round(pose[[11, 12, 24, 23], :2] - 0.5).astype(np.int32), 255)
     return image > 0
@@ -96,19 +98,9 @@ def look_up(table, image):
 class Background:
     """Median over time of what is surely not the person."""
 
-    def __init__(self, images, coarse, poses):
-        """Images may be any iterable of RGB; `coarse` and `poses` belong to them."""
-        stack, person, own = [], [], []
-        for image, mask, pose in zip(images, coarse, poses):
-            size = body_size(pose)
-            covered = dilate((mask > 0.35) | draw_limbs(mask.shape, pose, size, 0.9), 0.01 * size)
-            inside = cv2.erode((mask > 0.8).astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
-            own.append(
-                image[(inside & draw_limbs(mask.shape, pose, size, 0.5)) | draw_limbs(mask.shape, pose, size, 0.15)]
-            )
-            stack.append(image)
-            person.append(covered)
-        self.person = histogram(np.concatenate(own))
+    def __init__(self, images, covered):
+        """Images may be any iterable of RGB; `covered` are the pixels of each that may show the person."""
+        stack, person = list(images), list(covered)
         h, w = stack[0].shape[:2]
         self.plate, self.spread = np.zeros((h, w, 3), np.float32), np.zeros((h, w), np.float32)
         free = np.zeros((h, w), int)
@@ -157,65 +149,87 @@ def camera_moves(images, coarse):
     return float(np.median(moved)) > 0.7 or float(np.quantile(moved, 0.9)) > 2.0
 
 
-def person_mask(image, coarse, pose, background, plate_known):
-    """8-bit mask with a soft edge."""
+def covered_and_own(image, coarse, pose):
+    """Pixels that may show the person, and the colours of those that surely do."""
+    size = body_size(pose)
+    covered = dilate((coarse > 0.35) | draw_limbs(coarse.shape, pose, size, 0.9), 0.01 * size)
+    inside = cv2.erode((coarse > 0.8).astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
+    sure = inside & draw_limbs(coarse.shape, pose, size, 0.5)
+    return covered, image[sure | draw_limbs(coarse.shape, pose, size, 0.15)]
+
+
+def person_mask(image, coarse, pose, colours, background):
+    """8-bit mask with a soft edge, by MediaPipe's coarse mask and landmarks. `colours` is the person's histogram;
+    `background` is None where the camera moves."""
     size, shape = body_size(pose), coarse.shape
     near = draw_limbs(shape, pose, size, NEAR) | dilate(coarse > 0.5, 4)
-    ys, xs = np.nonzero(near)
-    part = np.s_[max(0, ys.min() - 4) : ys.max() + 5, max(0, xs.min() - 4) : xs.max() + 5]
     core = draw_limbs(shape, pose, size, CORE) & near
-    pixels = image.astype(np.float32)
-    place = place_term(coarse, draw_limbs(shape, pose, size, WIDTH), size)
-    colour = colour_term(image, pixels, near, coarse, background, plate_known, part)
-    ratio = PLACE * place[part] + COLOUR * colour
-    result = np.zeros(shape, np.uint8)
-    result[part] = minimum_cut(image[part], ratio, ~near[part], core[part])
-    count, labels = cv2.connectedComponents(result)
-    if count > 2:  # parts without a limb in them are not the person
+    outline = ((coarse > 0.5) | draw_limbs(shape, pose, size, WIDTH)).astype(np.uint8)
+    place = place_term(outline, EDGE * size) + SURE * (2 * coarse - 1)
+    part = part_around(near)
+    likely = look_up(colours, image[part])
+    ratio = PLACE * place[part] + colour_term(image, near, near | (coarse >= 0.05), likely, colours, background, part)
+    return smooth_mask(minimum_cut(image[part], ratio, ~near[part], core[part], CUT), core, part)
+
+
+def part_around(near):
+    """The part of an image that holds all pixels that are near, and a few more."""
+    ys, xs = np.nonzero(near)
+    return np.s_[max(0, ys.min() - 4) : ys.max() + 5, max(0, xs.min() - 4) : xs.max() + 5]
+
+
+def smooth_mask(cut, core, part):
+    """The mask of a whole image, from the cut of a part: pieces without a pixel of the core are not the person."""
+    mask = np.zeros(core.shape, np.uint8)
+    mask[part] = cut
+    count, labels = cv2.connectedComponents(mask)
+    if count > 2:
         keep = np.zeros(count, bool)
-        keep[np.unique(labels[core & (result > 0)])] = True
+        keep[np.unique(labels[core & (mask > 0)])] = True
         keep[0] = False
-        result = np.where(keep[labels], 255, 0).astype(np.uint8)
-    return cv2.GaussianBlur(cv2.medianBlur(result, 3), (0, 0), 0.7)
+        mask = np.where(keep[labels], 255, 0).astype(np.uint8)
+    return cv2.GaussianBlur(cv2.medianBlur(mask, 3), (0, 0), 0.7)
 
 
-def place_term(coarse, limbs, size):
-    inside = ((coarse > 0.5) | limbs).astype(np.uint8)
-    distance = cv2.distanceTransform(inside, cv2.DIST_L2, 3) - cv2.distanceTransform(1 - inside, cv2.DIST_L2, 3)
-    distance = cv2.GaussianBlur(distance, (0, 0), 1) / (EDGE * size)
-    return np.clip(distance, -1, 1) + FAR * np.clip(distance / 4, -1, 1) + SURE * (2 * coarse - 1)
+def place_term(outline, edge):
+    """From the distance to the border of `outline` (1 inside), in units of `edge` pixels."""
+    distance = cv2.distanceTransform(outline, cv2.DIST_L2, 3) - cv2.distanceTransform(1 - outline, cv2.DIST_L2, 3)
+    distance = cv2.GaussianBlur(distance, (0, 0), 1) / edge
+    return np.clip(distance, -1, 1) + FAR * np.clip(distance / 4, -1, 1)
 
 
-def colour_term(image, pixels, near, coarse, background, plate_known, part):
-    f, elsewhere = pixels[part], background.elsewhere
-    if elsewhere is None or not plate_known:  # the colours around the person in this image
+def colour_term(image, near, maybe, likely, colours, background, part):
+    """Of the pixels of a part. `likely`: how often the person has their colours; `maybe`: pixels of the image that may
+    show the person; `colours`: the person's histogram, which stands for a background of which nothing is known."""
+    elsewhere = background.elsewhere if background else None
+    if elsewhere is None:  # the colours around the person in this image
         ring = ~near & dilate(near, 0.1 * max(near.shape))
-        elsewhere = histogram(image[ring]) if ring.sum() > 100 else background.person
-    likely = look_up(elsewhere, image[part]) + 1e-9
-    if plate_known:
-        far = background.known & ~near & (coarse < 0.05)
-        gain = np.median(pixels[far] / np.maximum(background.plate[far], 8), 0) if far.sum() > 500 else 1.0
+        elsewhere = histogram(image[ring]) if ring.sum() > 100 else colours
+    unlikely = look_up(elsewhere, image[part]) + 1e-9
+    if background:
+        far = background.known & ~maybe
+        gain = np.median(image[far] / np.maximum(background.plate[far], 8), 0) if far.sum() > 500 else 1.0
         plate = background.plate[part] * np.asarray(gain, np.float32)
         spread = np.maximum(background.spread[part], NOISE)
         peak = (2.5066 * spread) ** -3
-        best = np.zeros(f.shape[:2], np.float32)
+        pixels, best = image[part].astype(np.float32), np.zeros(likely.shape, np.float32)
         for k, shade in enumerate(SHADOWS):
-            error = (((f - shade * plate) / spread[..., None]) ** 2).sum(-1)
+            error = (((pixels - shade * plate) / spread[..., None]) ** 2).sum(-1)
             best = np.maximum(best, (1.0 if k == 0 else 0.5) * np.exp(-0.5 * np.minimum(error, 80)) * peak)
-        likely = np.where(background.known[part], 0.97 * best + 0.01 * likely, likely)
-    person = 0.9 * look_up(background.person, image[part]) + 0.1 / 256**3
-    ratio = np.clip(np.log(person / np.maximum(likely, 1e-12)), -COLOUR_LIMIT, COLOUR_LIMIT)
-    return cv2.GaussianBlur(ratio.astype(np.float32), (0, 0), 0.8)
+        unlikely = np.where(background.known[part], 0.97 * best + 0.01 * unlikely, unlikely)
+    person = 0.9 * likely + 0.1 / 256**3
+    ratio = np.clip(np.log(person / np.maximum(unlikely, 1e-12)), -COLOUR_LIMIT, COLOUR_LIMIT)
+    return COLOUR * cv2.GaussianBlur(ratio.astype(np.float32), (0, 0), 0.8)
 
 
-def minimum_cut(image, ratio, surely_not, surely):
+def minimum_cut(image, ratio, surely_not, surely, weight):
     """grabCut with given likelihoods: its first channel is the logarithm of their ratio, of which the models of person
     and background are two Gaussians of equal width; the other channels are brightness and colour, which only its edges
-    see, because there the Gaussians are wide."""
+    see, because there the Gaussians are wide. `weight` is that of the numbers against edges, which count up to 50."""
     step = 6.0
     lab = cv2.cvtColor(image, cv2.COLOR_RGB2LAB).astype(np.float32)
     channels = np.dstack([128 + step * ratio, lab[..., 0], lab[..., 1] + lab[..., 2] - 128])
-    spread = 128 * step / CUT
+    spread = 128 * step / weight
     model = lambda mean: np.concatenate(
         [[1, 0, 0, 0, 0], np.tile([mean, 128, 128], 5), np.tile(np.diag([spread, 1e7, 1e7]).ravel(), 5)]
     )[None].astype(np.float64)

@@ -7,6 +7,7 @@ from itertools import islice
 import cv2
 import numpy as np
 
+import bodies
 import masks
 import people
 from failure import Failure
@@ -113,15 +114,17 @@ def make_plate(folder, camera, count):
     still = len(seen) >= 3 and not masks.camera_moves(
         *(list(islice(v, 0, None, max(1, len(seen) // 12))) for v in (images, coarse))
     )
-    background = masks.Background(images, coarse, poses)
+    pieces = [masks.covered_and_own(*of) for of in zip(images, coarse, poses)]
+    background = masks.Background(images, [covered for covered, _ in pieces])
+    colours = masks.histogram(np.concatenate([own for _, own in pieces]))
     if still:
         write_image(folder.plate(camera), background.image())
-    save(folder.look(camera, "background"), (background, still))
+    save(folder.look(camera, "background"), (colours, background if still else None))
     frame_done(count)
 
 
 def make_masks(folder, camera, frames):
-    background = still = None
+    known = None
     for i in frames:
         if not folder.mask(camera, i).exists():
             image = read_image(folder.image(camera, i))
@@ -129,8 +132,53 @@ def make_masks(folder, camera, frames):
             if coarse is None:
                 mask = np.zeros(image.shape[:2], np.uint8)
             else:
-                if background is None:
-                    background, still = load(folder.look(camera, "background"))
-                mask = masks.person_mask(image, coarse, pose, background, still)
+                known = known or load(folder.look(camera, "background"))
+                mask = masks.person_mask(image, coarse, pose, *known)
             write_image(folder.mask(camera, i), mask)
+        frame_done()
+
+
+def body_pose(folder, camera, i, poses):
+    """The image of the fitted body, and the landmarks; None where there is no body, or no landmarks."""
+    path, pose = folder.body(camera, i), poses.get(i)
+    if pose is None or not path.exists():
+        return None
+    body = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
+    return (body, pose) if (body == bodies.CORE).any() else None
+
+
+def read_mask(path):
+    return cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
+
+
+def learn_bodies(folder, camera, count, poses):
+    """What masks by bodies need of a camera: the person's colours, and the background if the camera stands still."""
+    seen = [(i, found) for i in range(count) if (found := body_pose(folder, camera, i, poses))]
+    samples, images, covered = [], [], []
+    step = max(1, len(seen) // 60)
+    for k, (i, (body, pose)) in enumerate(seen):
+        image, mask = read_image(folder.image(camera, i)), read_mask(folder.first_mask(camera, i))
+        samples.append(bodies.own_colours(image, body, mask, bodies.part_map(body.shape, pose)))
+        if k % step == 0:
+            images.append(image)
+            covered.append(masks.dilate((body > 0) | (mask > 127), 1))
+        frame_done()
+    frame_done(count - len(seen))
+    if not seen:
+        return
+    known = bodies.Colours(samples), masks.Background(images, covered) if folder.plate(camera).exists() else None
+    save(folder.look(camera, "bodies"), known)
+
+
+def make_masks_by_bodies(folder, camera, frames, poses):
+    known = None
+    for i in frames:
+        found, path = body_pose(folder, camera, i, poses), folder.new_mask(camera, i)
+        if found:
+            known = known or load(folder.look(camera, "bodies"))
+            body, pose = found
+            first = read_mask(folder.first_mask(camera, i))
+            write_image(path, bodies.mask_by_body(read_image(folder.image(camera, i)), body, first, pose, *known))
+        elif folder.first_mask(camera, i).exists():
+            write_image(path, read_mask(folder.first_mask(camera, i)))
         frame_done()

@@ -308,6 +308,14 @@ class Files(unittest.TestCase):
         self.assertEqual(file["annotations"][0]["mediapipe_pose"][:3], person["mediapipe_pose"][0])
         self.assertEqual(file["info"]["detector"], "mediapipe 1")
 
+    def test_landmarks_come_back(self):
+        person = {"mediapipe_pose": [[k, 2.0 * k, 0.5] for k in range(33)]}
+        cameras = [("a", 64, 48), ("b", 64, 48)]
+        file = folder.keypoints_json(cameras, [[None, person], [{"keypoints": []}, None]], "test")
+        found = folder.landmarks_of(json.loads(json.dumps(file)), ["a", "b"])
+        self.assertEqual({name: list(frames) for name, frames in found.items()}, {"a": [1], "b": []})
+        self.assertEqual(found["a"][1].tolist(), person["mediapipe_pose"])
+
     def test_times_have_one_origin(self):
         class Source:
             path, fps = "a.mp4", 30.0

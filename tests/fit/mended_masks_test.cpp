@@ -85,6 +85,36 @@ TEST_CASE("masks of bare skin and of thick clothes stay as they are") {
     }
 }
 
+TEST_CASE("a claim tells where masks usually end: at the body of bare skin, beyond it in thick clothes") {
+    for (const double cloth : {0.0, 0.05}) {
+        const Turning scene(cloth);
+        MaskMender mender = scene.watched();
+        for (const std::size_t t : {0, 5, 11}) {
+            CAPTURE(cloth);
+            const MaskClaim claim = scene.claim(mender, t);
+            const std::vector<std::uint8_t> image = image_of_claims({claim});
+            double differ = 0, mask_area = 0, beyond_body = 0;
+            for (std::size_t i = 0; i < image.size(); ++i) {
+                const bool usual = image[i] >= 170, masked = scene.masks[t][i] >= 128;
+                differ += usual != masked, mask_area += masked, beyond_body += usual && !claim.body[i];
+                CHECK((!claim.core[i] || image[i] == 255));
+                CHECK((image[i] != 85 || (claim.allowed[i] && !claim.usual[i])));
+            }
+            CHECK(differ < 0.12 * mask_area);
+            CHECK((beyond_body > 0.1 * mask_area) == (cloth > 0));
+        }
+    }
+    CHECK(image_of_claims({}).empty());
+}
+
+TEST_CASE("of several people, the image of claims has the surest") {
+    MaskClaim left, right;
+    left.body = left.usual = left.allowed = left.core = {1, 0, 0, 0};
+    right.body = right.core = {0, 0, 0, 0};
+    right.usual = {0, 1, 0, 0}, right.allowed = {1, 1, 1, 0};
+    CHECK(image_of_claims({left, right}) == std::vector<std::uint8_t>{255, 170, 85, 0});
+}
+
 TEST_CASE("a thing beside the person is cut off, a lost limb is hidden, in the photographs that have them") {
     Turning scene(0.02);
     const auto whole = scene.masks;

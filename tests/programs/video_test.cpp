@@ -6,6 +6,7 @@
 
 #include <gsh/io/body/body_file.hpp>
 #include <gsh/io/file/atomic_file.hpp>
+#include <gsh/io/image/image_file.hpp>
 #include <gsh/io/motion/motion_file.hpp>
 
 #include <nlohmann/json.hpp>
@@ -118,6 +119,47 @@ TEST_CASE("a video becomes an avatar in stages whose files are kept; the same co
     CHECK(Json::parse(read_file(film.out / "capture/fit.json"))["height_m"].get<double>() > 1.8);
     CHECK(read_file(film.out / "avatar.command").find("done") == std::string::npos);
     CHECK(!fs::exists(film.out / "avatar/checkpoint.gsh")); // from which the next run would resume
+}
+
+TEST_CASE("a detector that can cuts the masks by the body, once for a fit, and the body is fitted to them") {
+    const FilmedVideo film;
+    Json video = Json::parse(read_file(film.turn.detections / "video.json"));
+    video["masks_by_body"] = true;
+    write_file(film.turn.detections / "video.json", video.dump());
+    // Its new masks have nobody in the last frame.
+    film.detects("if [ \"$2\" = --bodies ]; then\n"
+                 "  test -f \"$1/bodies/front/0000.png\" && rm -rf \"$1/masks_by_body\" || exit 3\n"
+                 "  cp -r \"$1/masks_detected\" \"$1/masks_by_body\"\n"
+                 "  cp \"$1/masks_detected/front/0005.png\" \"$1/masks_by_body/front/0007.png\"\n"
+                 "else\n"
+                 "  mkdir -p \"$1\" && cp -r '" +
+                 film.turn.detections.string() + "/.' \"$1\"\nfi");
+    const auto up_to_training = [&](const char* height) {
+        test::Process process(film.make({}, height));
+        REQUIRE(process.wait_until([&] { return process.err().find("registering poses") != std::string::npos; }, 50'000,
+                                   5));
+        process.send(SIGTERM);
+        const auto outcome = process.wait();
+        CHECK(outcome.code == 130);
+        return outcome.out;
+    };
+    const std::string bodies = (film.out / "capture").string() + " --bodies\n";
+    CHECK(in_order(up_to_training("1.7"),
+                   {"== finding the person", "== fitting the body\n", "== cutting the masks by the body",
+                    "== fitting the body to its masks", "== checking the capture"}));
+    CHECK(film.call_count() == 2);
+    CHECK(read_file(film.calls).ends_with(bodies));
+    const auto shows_somebody = [&](const char* mask) {
+        const PixelImage image = read_image(film.out / "capture/masks/front" / mask);
+        return std::any_of(image.data.begin(), image.data.end(), [](std::uint8_t v) { return v >= 128; });
+    };
+    CHECK(shows_somebody("0006.png"));
+    CHECK(!shows_somebody("0007.png")); // so the new masks are the ones that were mended
+
+    CHECK(up_to_training("1.7").find("== cutting the masks") == std::string::npos); // once more: they are there
+    CHECK(film.call_count() == 3);
+    CHECK(up_to_training("1.9").find("== cutting the masks") != std::string::npos); // another fit
+    CHECK(film.call_count() == 5);
 }
 
 TEST_CASE("a stage that fails or is interrupted ends the program, and the same command goes on from there") {

@@ -51,4 +51,8 @@ void detect(const DetectOptions& options, const std::filesystem::path& out) {
     run_stage("finding the person", words);
 }
 
+void cut_masks_by_body(const DetectOptions& options, const std::filesystem::path& out) {
+    run_stage("cutting the masks by the body", {detector_of(options), out.string(), "--bodies"});
+}
+
 } // namespace gsh::examples

@@ -30,4 +30,9 @@ struct DetectOptions {
 /// Errors  IoError if a video does not exist; those of run_stage.
 void detect(const DetectOptions& options, const std::filesystem::path& out);
 
+/// Lets the detector cut the masks of its folder anew, by the bodies that a fit has written there.
+///
+/// Errors  those of run_stage.
+void cut_masks_by_body(const DetectOptions& options, const std::filesystem::path& out);
+
 } // namespace gsh::examples

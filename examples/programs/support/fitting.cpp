@@ -117,8 +117,8 @@ private:
     double usual_ = 0;  // metres
 };
 
-/// Writes the mended masks to masks/, and what is hidden to hidden/. The detector's masks go to masks_detected/, from
-/// which the next fit reads them.
+/// Writes the mended masks to masks/, what is hidden to hidden/, and where the bodies are to bodies/ (image_of_claims).
+/// The detector's masks go to masks_detected/, from which the next fit reads them.
 MendedMasks mend_masks(const fs::path& folder, const Detections& detections, LoadedMasks& masks, const BodyModel& model,
                        const std::vector<Fitted>& people, const std::vector<Camera<double>>& cameras) {
     MendedMasks result;
@@ -134,9 +134,10 @@ MendedMasks mend_masks(const fs::path& folder, const Detections& detections, Loa
         if (masks.images[c].empty()) continue;
         const fs::path from = folder / "masks" / detections.cameras[c].name,
                        kept = folder / "masks_detected" / detections.cameras[c].name,
-                       hiding = folder / "hidden" / detections.cameras[c].name;
+                       hiding = folder / "hidden" / detections.cameras[c].name,
+                       shown_bodies = folder / "bodies" / detections.cameras[c].name;
         std::error_code error;
-        fs::remove_all(hiding, error); // of a fit before this one
+        fs::remove_all(hiding, error), fs::remove_all(shown_bodies, error); // of a fit before this one
         if (!fs::exists(kept, error)) {
             fs::create_directories(kept.parent_path());
             fs::rename(from, kept);
@@ -157,6 +158,10 @@ MendedMasks mend_masks(const fs::path& folder, const Detections& detections, Loa
                     claims.back().believed = believed(body);
                     cut = cut && (believed(body) || !body->seen(t));
                 }
+                PixelImage silhouettes(1, mask.height, mask.width);
+                silhouettes.data = image_of_claims(claims);
+                fs::create_directories(shown_bodies);
+                write_png(shown_bodies / (detections.masks[c][t].stem().string() + ".png"), silhouettes);
                 PixelImage hidden(1, mask.height, mask.width);
                 const MaskChange change = mend_mask(claims, mask.data, hidden.data, cut);
                 result.cut += change.removed > 0.01, result.hidden += change.hidden > 0.01;
@@ -255,7 +260,8 @@ std::vector<std::string> advice_of_capture(const Detections& detections, const C
     std::vector<std::string> advice;
     for (std::size_t c = 0; c < detections.cameras.size(); ++c) {
         const std::string name = "camera '" + detections.cameras[c].name + "'";
-        if (cameras.shifts[c] != vec2<double>(0))
+        constexpr double worth = 2; // pixels: less is usual
+        if (std::hypot(cameras.shifts[c].x, cameras.shifts[c].y) > worth)
             advice.push_back(name + " points beside its calibration: its principal point was moved by (" +
                              fixed(cameras.shifts[c].x, 1) + ", " + fixed(cameras.shifts[c].y, 1) + ") pixels");
         if (cameras.time_offsets[c] != 0)
@@ -369,6 +375,7 @@ FittedCapture fit_capture(const FitOptions& options, const std::vector<std::file
     write_cameras(options.detections / "cameras.json", list);
 
     FittedCapture result;
+    result.masks_by_body = detections.masks_by_body;
     result.free_before_one_camera =
         C == 1 && std::any_of(fits.begin(), fits.end(), [](const MotionFit& fit) { return !fit.held; });
     Json reports = Json::array();

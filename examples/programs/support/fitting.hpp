@@ -24,6 +24,7 @@ struct FitOptions {
 struct FittedCapture {
     std::vector<std::string> notes;      ///< what the user should know, worst first, a sentence each
     std::vector<std::string> poses;      ///< the file of each person's motion, in the capture's folder
+    bool masks_by_body = false;          ///< whether the detector can cut masks anew by the fitted bodies
     bool free_before_one_camera = false; ///< whether depth is a guess: one camera, and no turn in one pose
 
     /// The options that name these files to other programs; none for a single poses.npz.

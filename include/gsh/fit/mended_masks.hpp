@@ -33,12 +33,19 @@ struct MaskChange {
 struct MaskClaim {
     std::vector<std::uint8_t> body;    // [pixels] 1 where the body is
     std::vector<std::uint8_t> core;    // [pixels] 1 where it surely is: inside of its outline by more than 2.5 cm
+    std::vector<std::uint8_t> usual;   // [pixels] 1 where masks usually show the person
     std::vector<std::uint8_t> allowed; // [pixels] 1 where a mask may show the person, or clothes and hair
     std::size_t area = 0;              ///< pixels of the body
     int width = 0;                     ///< of the photograph, pixels
     double margin = 0;                 ///< 2.5 cm at the body, pixels
     bool believed = true;              ///< if not, the claim only protects what is there: nothing is hidden
 };
+
+/// The claims of all people in a photograph as a grey image, by which masks can be cut anew: 255 where a body surely
+/// is, 170 where masks usually show the person, 85 where a mask may, and 0 elsewhere.
+///
+/// Shapes  result as large as the claims.
+inline std::vector<std::uint8_t> image_of_claims(const std::vector<MaskClaim>& claims);
 
 /// Mends the mask of a photograph, one byte a pixel, by the claims of all people in it. The mask is cut where nobody's
 /// claim allows it, if `cut`. Nothing is cut where the mask also lacks more than 3% of a body that is believed: then
@@ -55,9 +62,10 @@ inline MaskChange mend_mask(const std::vector<MaskClaim>& claims, Span<std::uint
 /// Clothes and hair stand off the body by about the same distance at the same place of it in all photographs; a thing
 /// in the background, a shadow or another person touches the mask in some. For each point of the surface, the distances
 /// of the masks' outlines from it are collected over all photographs in which it lies on the outline, together with
-/// those of its neighbours, about a hand's breadth around. The distance that three of ten stay below, and 3 cm more, is
-/// how far a mask may reach there; beyond, it is not believed. Inside of the body, by more than 2.5 cm, a mask that
-/// says background is not believed, either: whether the photograph shows the person there is not known.
+/// those of its neighbours, about a hand's breadth around. The distance that three of ten stay below is how far clothes
+/// usually stand off there; 3 cm more is how far a mask may reach; beyond, it is not believed. Inside of the body, by
+/// more than 2.5 cm, a mask that says background is not believed, either: whether the photograph shows the person there
+/// is not known.
 class MaskMender {
 public:
     MaskMender(const BodyModel& model, const FittedBody& body, const OutlineSamples& samples)
@@ -82,7 +90,7 @@ public:
         const int width = image.width, height = image.height;
         MaskClaim result;
         result.body.assign(image.size(), 0);
-        result.allowed = result.core = result.body;
+        result.allowed = result.usual = result.core = result.body;
         const auto stamp = [&](std::vector<std::uint8_t>& on, std::uint8_t value, double x, double y, double radius) {
             for (int v = std::max(0, static_cast<int>(y - radius));
                  v <= std::min(height - 1, static_cast<int>(y + radius)); ++v)
@@ -103,7 +111,8 @@ public:
         pixels_per_metre /= count;
         result.width = width, result.margin = inside_margin * pixels_per_metre;
         for (std::size_t i = 0; i < image.size(); ++i)
-            if (image.covers(i)) ++result.area, result.body[i] = result.core[i] = result.allowed[i] = 1;
+            if (image.covers(i))
+                ++result.area, result.body[i] = result.core[i] = result.usual[i] = result.allowed[i] = 1;
         for (int y = 0; y < height; ++y)
             for (int x = 0; x < width; ++x) {
                 const auto at = [&](int u, int v) {
@@ -117,9 +126,13 @@ public:
                 stamp(result.allowed, 1, x + 0.5, y + 0.5, least_reach * pixels_per_metre);
                 stamp(result.core, 0, x + 0.5, y + 0.5, result.margin);
             }
-        for (const RimPoint& point : rim)
-            if (reaches_[point.sample] > least_reach)
-                stamp(result.allowed, 1, point.pixel.x, point.pixel.y, reaches_[point.sample] * point.pixels_per_metre);
+        for (const RimPoint& point : rim) {
+            const auto grow = [&](std::vector<std::uint8_t>& on, double metres) {
+                stamp(on, 1, point.pixel.x, point.pixel.y, metres * point.pixels_per_metre);
+            };
+            if (usual_[point.sample] > 0) grow(result.usual, usual_[point.sample]);
+            if (reaches_[point.sample] > least_reach) grow(result.allowed, reaches_[point.sample]);
+        }
         return result;
     }
 
@@ -132,13 +145,13 @@ private:
     const FittedBody* body_;
     const OutlineSamples* samples_;
     std::vector<std::vector<double>> seen_; // [samples] metres, outwards
-    std::vector<double> reaches_;           // [samples], or none before decide
+    std::vector<double> reaches_, usual_;   // [samples], or none before decide
 
     void decide() {
         std::vector<vec3<double>> places;
         for (std::size_t i = 0; i < samples_->size(); ++i) places.push_back(samples_->rest(i));
         const NearestPoints nearest(places);
-        reaches_.assign(samples_->size(), least_reach);
+        reaches_.assign(samples_->size(), least_reach), usual_.assign(samples_->size(), 0);
         constexpr std::size_t neighbours = 60, fewest = 8;
         for (std::size_t i = 0; i < places.size(); ++i) {
             std::vector<double> distances;
@@ -148,9 +161,22 @@ private:
             const auto rank = distances.begin() + static_cast<std::ptrdiff_t>(distances.size() * 3 / 10);
             std::nth_element(distances.begin(), rank, distances.end());
             reaches_[i] = std::max(least_reach, *rank + least_reach);
+            usual_[i] = *rank;
         }
     }
 };
+
+inline std::vector<std::uint8_t> image_of_claims(const std::vector<MaskClaim>& claims) {
+    std::vector<std::uint8_t> image;
+    for (const MaskClaim& claim : claims) {
+        image.resize(claim.body.size(), 0);
+        for (std::size_t i = 0; i < image.size(); ++i) {
+            const int level = claim.core[i] ? 255 : claim.usual[i] ? 170 : claim.allowed[i] ? 85 : 0;
+            image[i] = std::max(image[i], static_cast<std::uint8_t>(level));
+        }
+    }
+    return image;
+}
 
 inline MaskChange mend_mask(const std::vector<MaskClaim>& claims, Span<std::uint8_t> mask, Span<std::uint8_t> hidden,
                             bool cut) {

@@ -120,6 +120,21 @@ TEST_CASE("a camera may end before the others, and a frame may have no mask") {
     CHECK(!files.load().has_mask(0, 1));
 }
 
+TEST_CASE("masks that were cut anew are read first, then those of the detector, then mended ones") {
+    DetectorFolder files;
+    CHECK(!files.load().masks_by_body);
+    files.video["masks_by_body"] = true;
+    CHECK(files.load().masks_by_body);
+    const auto folder_of = [&](std::size_t camera) { return files.load().masks[camera][0].parent_path(); };
+    for (const char* kind : {"masks_detected", "masks_by_body"}) {
+        std::filesystem::create_directories(files.folder / kind / "left");
+        for (const char* file : {"0000.png", "0001.png"})
+            write_png(files.folder / kind / "left" / file, PixelImage(1, 16, 24));
+        CHECK(folder_of(0) == files.folder / kind / "left");
+        CHECK(folder_of(1) == files.folder / "masks/right");
+    }
+}
+
 TEST_CASE("damaged folders of a detector are refused, with file and field") {
     const auto changed = [](auto change, const char* expected) {
         DetectorFolder files;
@@ -129,6 +144,7 @@ TEST_CASE("damaged folders of a detector are refused, with file and field") {
     changed([](DetectorFolder& f) { f.video = Json::array(); }, "video.json is array, expected an object");
     changed([](DetectorFolder& f) { f.video["cameras"] = Json::array(); },
             "cameras must be a list with at least one camera");
+    changed([](DetectorFolder& f) { f.video["masks_by_body"] = 1; }, "masks_by_body is number, expected true or false");
     changed([](DetectorFolder& f) { f.camera(0).erase("width"); }, "'left': width is missing");
     changed([](DetectorFolder& f) { f.camera(0)["width"] = 0; }, "width x height is 0 x 16");
     changed([](DetectorFolder& f) { f.camera(0)["name"] = "../a"; }, "name is not a plain folder name");

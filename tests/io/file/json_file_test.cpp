@@ -98,15 +98,18 @@ TEST_CASE_TEMPLATE("objects of many members take no more time than their length 
 
 TEST_CASE("fields of an object name their place") {
     const Json json = parse_json(
-        R"({"n": 1.5, "i": 3, "t": "x", "rows": [[1, 2], [3, 4]], "big": 3000000000, "no": null})", "a.json");
+        R"({"n": 1.5, "i": 3, "t": "x", "rows": [[1, 2], [3, 4]], "big": 3000000000, "no": null, "b": true})",
+        "a.json");
     const detail::JsonObject object(json, "a.json: views[0]");
     CHECK(object.number("n") == 1.5);
     CHECK(object.integer("i") == 3);
     CHECK(object.text("t") == "x");
     CHECK(object.numbers("rows", 4) == std::vector<double>{1, 2, 3, 4});
+    CHECK(object.boolean("b"));
     CHECK(!object.has("no"));
     check_throws<IoError>([&] { (void)object.at("no"); }, {"a.json: views[0]: no is missing"});
     check_throws<IoError>([&] { (void)object.number("t"); }, {"t is string, expected a number"});
+    check_throws<IoError>([&] { (void)object.boolean("i"); }, {"i is number, expected true or false"});
     check_throws<ShapeError>([&] { (void)object.numbers("rows", 3); }, {"rows has 4 numbers, expected 3"});
     check_throws<ValueError>([&] { (void)object.integer("big"); }, {"beyond 32 bits"});
     check_throws<IoError>([&] { object.expect_only({"n", "i"}); }, {"unknown field 't', expected n, i"});

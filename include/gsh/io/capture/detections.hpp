@@ -35,6 +35,8 @@ struct Detections {
     std::vector<PhotoKeypoints> keypoints;
     std::vector<std::vector<std::filesystem::path>> masks; // [C, T], or [C] of none; empty for a frame without one
 
+    bool masks_by_body = false; ///< whether the detector can cut masks anew by fitted bodies (docs/detection.md)
+
     [[nodiscard]] bool has_mask(std::size_t camera, std::size_t frame) const {
         return !masks[camera].empty() && !masks[camera][frame].empty();
     }
@@ -44,8 +46,9 @@ struct Detections {
 ///
 ///     FOLDER/video.json        cameras: a list of name, width, height, times (seconds), and focal (pixels) if known
 ///     FOLDER/keypoints.json    COCO-WholeBody or MediaPipe; or a folder keypoints/ of OpenPose
-///     FOLDER/masks/CAMERA/     a mask for each frame, optional; FOLDER/masks_detected/CAMERA/ is read instead where
-///                              masks/ holds those that a fit has mended
+///     FOLDER/masks/CAMERA/     a mask for each frame, optional; read instead are masks_detected/CAMERA/, where masks/
+///                              holds those that a fit has mended, and masks_by_body/CAMERA/, where there are some that
+///                              were cut anew by fitted bodies
 ///     FOLDER/calibration.json  cameras as those of a capture, optional for a single camera
 ///
 /// The times of all cameras must be the same within half a frame; those of the camera with the most frames count. The
@@ -130,10 +133,12 @@ mask_files(const std::filesystem::path& folder, const std::vector<NamedCamera>& 
     std::vector<std::size_t> of_list;
     std::error_code error;
     for (std::size_t c = 0; c < cameras.size(); ++c) {
-        const auto detected = folder / "masks_detected" / cameras[c].name, masks = folder / "masks" / cameras[c].name;
-        const auto& place = std::filesystem::is_directory(detected, error) ? detected : masks;
-        if (!std::filesystem::is_directory(place, error)) continue;
-        lists.push_back(list_images(place)), folders.push_back(place), of_list.push_back(c);
+        for (const char* of : {"masks_by_body", "masks_detected", "masks"}) {
+            const std::filesystem::path place = folder / of / cameras[c].name;
+            if (!std::filesystem::is_directory(place, error)) continue;
+            lists.push_back(list_images(place)), folders.push_back(place), of_list.push_back(c);
+            break;
+        }
     }
     std::vector<std::vector<std::filesystem::path>> result(cameras.size());
     auto rows = assign_frames(std::move(lists), folders, frames, "one for each of the times in video.json").rows;
@@ -155,6 +160,8 @@ inline Detections load_detections(const std::filesystem::path& folder) {
     if (!list.is_array() || list.empty())
         throw IoError(video.string() + ": cameras must be a list with at least one camera");
     Detections result;
+    if (const detail::JsonObject whole(json, video.string()); whole.has("masks_by_body"))
+        result.masks_by_body = whole.boolean("masks_by_body");
     std::vector<std::vector<double>> times; // of each camera
     std::string longest;
     const auto place = [&](std::size_t c) { return video.string() + ": cameras[" + std::to_string(c) + "]"; };

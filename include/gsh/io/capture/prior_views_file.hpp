@@ -273,10 +273,7 @@ private:
     }
     [[nodiscard]] bool read_integrate(NormalFacing facing) const {
         if (!object_.has("integrate")) return false;
-        const Json& json = object_.at("integrate");
-        if (!json.is_boolean())
-            throw IoError(object_.where() + ": integrate is " + json.type_name() + ", expected true or false");
-        const bool integrate = json.get<bool>();
+        const bool integrate = object_.boolean("integrate");
         check_value(!integrate || !object_.has("depth"), object_.where(),
                     "integrate makes a depth of the normals; leave out depth");
         check_value(!integrate || facing == NormalFacing::viewer, object_.where(),

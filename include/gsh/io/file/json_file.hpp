@@ -69,6 +69,11 @@ public:
         return finite(field, value.get<double>());
     }
     [[nodiscard]] int integer(const char* field) const { return integer(field, at(field)); }
+    [[nodiscard]] bool boolean(const char* field) const {
+        const Json& value = at(field);
+        if (!value.is_boolean()) throw wrong(field, value, "true or false");
+        return value.get<bool>();
+    }
     [[nodiscard]] std::string text(const char* field) const {
         const Json& value = at(field);
         if (!value.is_string()) throw wrong(field, value, "text");
