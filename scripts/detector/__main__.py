@@ -299,7 +299,10 @@ def cut_by_bodies(options):
         "colours", jobs, stages.learn_bodies, [(folder, n, count, poses[n]) for n, count in cameras.items()], every
     )
     pieces = [(n, list(range(i, min(i + 12, count)))) for n, count in cameras.items() for i in range(0, count, 12)]
-    workers.run("masks", jobs, stages.make_masks_by_bodies, [(folder, *p, poses[p[0]]) for p in pieces], every)
+    alone = len(cameras) == 1
+    workers.run(
+        "masks", jobs, stages.make_masks_by_bodies, [(folder, *p, poses[p[0]], alone) for p in pieces], every
+    )
     done = folder.out / "masks_by_body"
     shutil.rmtree(done, ignore_errors=True)
     os.replace(folder.work / "masks_by_body", done)

@@ -65,11 +65,14 @@ def own_colours(image, body, mask, parts):
     return [image[sure & (parts == part)] for part in PARTS]
 
 
-def mask_by_body(image, body, first, pose, colours, background):
-    """8-bit mask with a soft edge. `first` is the mask before; `background` is None where the camera moves."""
+def mask_by_body(image, body, pose, colours, background, first=None):
+    """8-bit mask with a soft edge. `background` is None where the camera moves. `first` is the mask before, for a
+    single camera: its body may lie beside the person, and both together then have the outline."""
     near, core = body >= ALLOWED, body == CORE
     part = masks.part_around(near)
-    outline = (body >= USUAL) | ((first > 127) & near)
+    outline = body >= USUAL
+    if first is not None:
+        outline |= (first > 127) & near
     place = masks.place_term(outline.astype(np.uint8), EDGE * masks.body_size(pose))
     likely = colours.likely(image[part], part_map(body.shape, pose)[part])
     ratio = masks.PLACE * place[part] + masks.colour_term(image, near, near, likely, colours.whole, background, part)

@@ -170,15 +170,16 @@ def learn_bodies(folder, camera, count, poses):
     save(folder.look(camera, "bodies"), known)
 
 
-def make_masks_by_bodies(folder, camera, frames, poses):
+def make_masks_by_bodies(folder, camera, frames, poses, alone):
+    """`alone`: there is no other camera."""
     known = None
     for i in frames:
         found, path = body_pose(folder, camera, i, poses), folder.new_mask(camera, i)
         if found:
             known = known or load(folder.look(camera, "bodies"))
             body, pose = found
-            first = read_mask(folder.first_mask(camera, i))
-            write_image(path, bodies.mask_by_body(read_image(folder.image(camera, i)), body, first, pose, *known))
+            first = read_mask(folder.first_mask(camera, i)) if alone else None
+            write_image(path, bodies.mask_by_body(read_image(folder.image(camera, i)), body, pose, *known, first))
         elif folder.first_mask(camera, i).exists():
             write_image(path, read_mask(folder.first_mask(camera, i)))
         frame_done()

@@ -7,6 +7,7 @@
 #include <gsh/io/body/body_file.hpp>
 #include <gsh/io/file/atomic_file.hpp>
 #include <gsh/io/image/image_file.hpp>
+#include <gsh/io/image/mask_file.hpp>
 #include <gsh/io/motion/motion_file.hpp>
 
 #include <nlohmann/json.hpp>
@@ -150,7 +151,7 @@ TEST_CASE("a detector that can cuts the masks by the body, once for a fit, and t
     CHECK(film.call_count() == 2);
     CHECK(read_file(film.calls).ends_with(bodies));
     const auto shows_somebody = [&](const char* mask) {
-        const PixelImage image = read_image(film.out / "capture/masks/front" / mask);
+        const PixelImage image = read_mask(film.out / "capture/masks/front" / mask).values;
         return std::any_of(image.data.begin(), image.data.end(), [](std::uint8_t v) { return v >= 128; });
     };
     CHECK(shows_somebody("0006.png"));
