@@ -47,7 +47,8 @@ FittedCapture fit_with_masks(const VideoOptions& options) {
     if (fit.focal) work += " focal " + std::to_string(*fit.focal);
     for (const double height : fit.heights) work += " " + std::to_string(height);
     std::error_code error;
-    if (!fs::exists(masks, error) || !fs::exists(record, error) || read_file(record) != work) {
+    const bool recorded = fs::exists(masks, error) && fs::exists(record, error) && read_file(record) == work;
+    if (!recorded || options.detect.restart) {
         fs::remove_all(masks, error);
         announce_stage("fitting the body");
         FittedCapture fitted = fit_capture(fit, {});

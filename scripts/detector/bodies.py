@@ -17,6 +17,7 @@ ALLOWED, USUAL, CORE = 85, 170, 255
 EDGE = 0.01  # the body's outline is believed this many sizes of the body farther in or out
 WHOLE = 0.1  # share of the whole person's colours in those of a part: clothes do not end at joints
 CUT = 5.0  # weight in the minimum cut: outlines of bodies need fewer corrections, and are smoother
+DOUBT = 0.5  # share of the place's weight where the body is and the first mask has nobody
 SCALE = 4  # parts need no fine borders
 
 
@@ -65,15 +66,19 @@ def own_colours(image, body, mask, parts):
     return [image[sure & (parts == part)] for part in PARTS]
 
 
-def mask_by_body(image, body, pose, colours, background, first=None):
-    """8-bit mask with a soft edge. `background` is None where the camera moves. `first` is the mask before, for a
-    single camera: its body may lie beside the person, and both together then have the outline."""
-    near, core = body >= ALLOWED, body == CORE
+def mask_by_body(image, body, first, pose, colours, background, alone):
+    """8-bit mask with a soft edge. `first` is the mask before; `background` is None where the camera moves.
+
+    Where the body is, but the first mask has nobody, the mask may have lost a limb, or something may stand in front:
+    the colour decides. A camera that is `alone` sees no depth, so its body may lie beside the person; there the outline is
+    that of body and first mask together.
+    """
+    near, core, shown = body >= ALLOWED, body == CORE, first > 127
     part = masks.part_around(near)
-    outline = body >= USUAL
-    if first is not None:
-        outline |= (first > 127) & near
+    outline = (body >= USUAL) | (shown & near) if alone else body >= USUAL
     place = masks.place_term(outline.astype(np.uint8), EDGE * masks.body_size(pose))
+    place[core & ~shown] *= DOUBT
     likely = colours.likely(image[part], part_map(body.shape, pose)[part])
     ratio = masks.PLACE * place[part] + masks.colour_term(image, near, near, likely, colours.whole, background, part)
-    return masks.smooth_mask(masks.minimum_cut(image[part], ratio, ~near[part], core[part], CUT), core, part)
+    sure = core & shown
+    return masks.smooth_mask(masks.minimum_cut(image[part], ratio, ~near[part], sure[part], CUT), sure, part)

@@ -178,8 +178,8 @@ def make_masks_by_bodies(folder, camera, frames, poses, alone):
         if found:
             known = known or load(folder.look(camera, "bodies"))
             body, pose = found
-            first = read_mask(folder.first_mask(camera, i)) if alone else None
-            write_image(path, bodies.mask_by_body(read_image(folder.image(camera, i)), body, pose, *known, first))
+            image, first = read_image(folder.image(camera, i)), read_mask(folder.first_mask(camera, i))
+            write_image(path, bodies.mask_by_body(image, body, first, pose, *known, alone))
         elif folder.first_mask(camera, i).exists():
             write_image(path, read_mask(folder.first_mask(camera, i)))
         frame_done()

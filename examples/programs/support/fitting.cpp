@@ -158,10 +158,12 @@ MendedMasks mend_masks(const fs::path& folder, const Detections& detections, Loa
                     claims.back().believed = believed(body);
                     cut = cut && (believed(body) || !body->seen(t));
                 }
-                PixelImage silhouettes(1, mask.height, mask.width);
-                silhouettes.data = image_of_claims(claims);
-                fs::create_directories(shown_bodies);
-                write_png(shown_bodies / (detections.masks[c][t].stem().string() + ".png"), silhouettes);
+                if (std::all_of(claims.begin(), claims.end(), [](const MaskClaim& claim) { return claim.believed; })) {
+                    PixelImage silhouettes(1, mask.height, mask.width);
+                    silhouettes.data = image_of_claims(claims);
+                    fs::create_directories(shown_bodies);
+                    write_png(shown_bodies / (detections.masks[c][t].stem().string() + ".png"), silhouettes);
+                }
                 PixelImage hidden(1, mask.height, mask.width);
                 const MaskChange change = mend_mask(claims, mask.data, hidden.data, cut);
                 result.cut += change.removed > 0.01, result.hidden += change.hidden > 0.01;
