@@ -26,7 +26,6 @@ def part_map(shape, pose):
     h, w = shape[0] // SCALE + 1, shape[1] // SCALE + 1
     size, pose = masks.body_size(pose) / SCALE, pose[:, :2] / SCALE
     nearest, part = np.full((h, w), 1e9, np.float32), np.zeros((h, w), np.uint8)
-    place = lambda ids: tuple(int(v) for v in np.round(16 * (pose[list(ids)].mean(0) - 0.5)))
 
     def draw(of, radius, paint):
         image = np.ones((h, w), np.uint8)
@@ -35,10 +34,10 @@ def part_map(shape, pose):
         closer = distance < nearest
         nearest[closer], part[closer] = distance[closer], of
 
-    corners = np.round(pose[[11, 12, 24, 23]] - 0.5).astype(np.int32)
-    draw(masks.TRUNK, 0.0, lambda image: cv2.fillConvexPoly(image, corners, 0))
+    draw(masks.TRUNK, 0.0, lambda image: cv2.fillConvexPoly(image, masks.trunk_corners(pose), 0))
     for a, b, radius, of in LIMBS:
-        draw(of, radius, lambda image: cv2.line(image, place(a), place(b), 0, 1, cv2.LINE_8, 4))
+        ends = masks.limb_end(pose, a), masks.limb_end(pose, b)
+        draw(of, radius, lambda image: cv2.line(image, *ends, 0, 1, cv2.LINE_8, 4))
     return cv2.resize(part, (w * SCALE, h * SCALE), interpolation=cv2.INTER_NEAREST)[: shape[0], : shape[1]]
 
 
@@ -70,8 +69,8 @@ def mask_by_body(image, body, first, pose, colours, background, alone):
     """8-bit mask with a soft edge. `first` is the mask before; `background` is None where the camera moves.
 
     Where the body is, but the first mask has nobody, the mask may have lost a limb, or something may stand in front:
-    the colour decides. A camera that is `alone` sees no depth, so its body may lie beside the person; there the outline is
-    that of body and first mask together.
+    the colour decides. A camera that is `alone` sees no depth, so its body may lie beside the person; there the outline
+    is that of body and first mask together.
     """
     near, core, shown = body >= ALLOWED, body == CORE, first > 127
     part = masks.part_around(near)

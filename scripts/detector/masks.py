@@ -66,13 +66,23 @@ def body_size(pose):
     )
 
 
+def limb_end(pose, landmarks):
+    """The mean place of some landmarks in sixteenths of a pixel, for OpenCV's lines."""
+    return tuple(int(v) for v in np.round(16 * (pose[list(landmarks), :2].mean(0) - 0.5)))
+
+
+def trunk_corners(pose):
+    """Shoulders and hips, for OpenCV's polygons."""
+    return np.round(pose[[11, 12, 24, 23], :2] - 0.5).astype(np.int32)
+
+
 def draw_limbs(shape, pose, size, factor):
     """Where the limbs are, if their radii are multiplied by `factor`."""
     image = np.zeros(shape, np.uint8)
-    place = lambda ids: tuple(int(v) for v in np.round(16 * (pose[list(ids), :2].mean(0) - 0.5)))
     for a, b, radius, _ in LIMBS:
-        cv2.line(image, place(a), place(b), 255, max(1, int(round(2 * factor * radius * size))), cv2.LINE_AA, 4)
-    cv2.fillConvexPoly(image, np.round(pose[[11, 12, 24, 23], :2] - 0.5).astype(np.int32), 255)
+        thickness = max(1, int(round(2 * factor * radius * size)))
+        cv2.line(image, limb_end(pose, a), limb_end(pose, b), 255, thickness, cv2.LINE_AA, 4)
+    cv2.fillConvexPoly(image, trunk_corners(pose), 255)
     return image > 0
 
 

@@ -30,6 +30,10 @@ def read_image(path):
     return cv2.cvtColor(cv2.imread(str(path), cv2.IMREAD_COLOR), cv2.COLOR_BGR2RGB)
 
 
+def read_grey(path):
+    return cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
+
+
 def save(path, value):
     write_whole(path, pickle.dumps(value))
 
@@ -143,12 +147,8 @@ def body_pose(folder, camera, i, poses):
     path, pose = folder.body(camera, i), poses.get(i)
     if pose is None or not path.exists():
         return None
-    body = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
+    body = read_grey(path)
     return (body, pose) if (body == bodies.CORE).any() else None
-
-
-def read_mask(path):
-    return cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
 
 
 def learn_bodies(folder, camera, count, poses):
@@ -157,7 +157,7 @@ def learn_bodies(folder, camera, count, poses):
     samples, images, covered = [], [], []
     step = max(1, len(seen) // 60)
     for k, (i, (body, pose)) in enumerate(seen):
-        image, mask = read_image(folder.image(camera, i)), read_mask(folder.first_mask(camera, i))
+        image, mask = read_image(folder.image(camera, i)), read_grey(folder.first_mask(camera, i))
         samples.append(bodies.own_colours(image, body, mask, bodies.part_map(body.shape, pose)))
         if k % step == 0:
             images.append(image)
@@ -178,8 +178,8 @@ def make_masks_by_bodies(folder, camera, frames, poses, alone):
         if found:
             known = known or load(folder.look(camera, "bodies"))
             body, pose = found
-            image, first = read_image(folder.image(camera, i)), read_mask(folder.first_mask(camera, i))
+            image, first = read_image(folder.image(camera, i)), read_grey(folder.first_mask(camera, i))
             write_image(path, bodies.mask_by_body(image, body, first, pose, *known, alone))
         elif folder.first_mask(camera, i).exists():
-            write_image(path, read_mask(folder.first_mask(camera, i)))
+            write_whole(path, folder.first_mask(camera, i).read_bytes())
         frame_done()
