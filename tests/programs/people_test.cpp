@@ -8,6 +8,7 @@
 #include "io/gala_files.hpp"
 #include "programs/process.hpp"
 #include "programs/small_capture.hpp"
+#include "support/crossing_actors.hpp"
 
 #include <gsh/backend/threads.hpp>
 #include <gsh/body/moved_motion.hpp>
@@ -46,90 +47,21 @@ using Command = std::vector<std::string>;
 
 /// How much is filmed and trained.
 struct Size {
-    int size = 64, frames = 2, cameras = 2, gaussians = 500, steps = 4, samples = 4;
+    test::FilmSize film;
+    int gaussians = 500, steps = 4;
 };
-
-/// Two actors who pass each other: "ann" walks to her left in front, "bob", of another build and in other colours, to
-/// his right behind her. In the first and the last frame they stand side by side.
-struct Actors {
-    BodyModel body = make_actor({.edge_scale = 1.5});
-    Motion ann, bob;
-    cpu::Threads backend;
-    StudioParams studio;
-
-    explicit Actors(const Size& size) {
-        ann = crossing(actor_motion(ActorMotion::talk, size.frames), -1, 0.4);
-        Motion other = actor_motion(ActorMotion::stride, size.frames);
-        for (std::size_t k = 0; k < other.betas.size(); ++k) other.betas[k] = k % 2 ? -0.8 : 0.8;
-        bob = crossing(std::move(other), 1, -0.4);
-        studio.train_cameras = size.cameras, studio.image_size = size.size, studio.samples = size.samples;
-        studio.distance = 4;
-    }
-    /// Walks along x from one side to the other, at a distance of the middle.
-    [[nodiscard]] Motion crossing(Motion motion, double from, double z) const {
-        const std::size_t frames = motion.frame_count();
-        for (std::size_t t = 0; t < frames; ++t)
-            motion.transl[t] +=
-                vec3<double>(from * (0.55 - 1.1 * static_cast<double>(t) / static_cast<double>(frames - 1)), 0, z);
-        return motion;
-    }
-    static SurfaceColor other_colors(const vec3<double>& p) {
-        SurfaceColor color = actor_color(p);
-        std::swap(color.albedo.x, color.albedo.z);
-        return color;
-    }
-    [[nodiscard]] StudioActor first() const { return {&body, &ann}; }
-    [[nodiscard]] StudioActor second() const { return {&body, &bob, other_colors}; }
-    [[nodiscard]] Capture together() { return film(backend, {first(), second()}, studio); }
-    /// One of them alone, seen by given cameras.
-    [[nodiscard]] Capture alone(const StudioActor& actor, const std::vector<NamedCamera>& cameras) {
-        StudioParams same = studio;
-        same.cameras = cameras;
-        return film(backend, {actor}, same);
-    }
-    /// The person at each pixel of the test views, by camera and frame: 0 ann, 1 bob, -1 nobody. Pure colours under
-    /// the same light identify them, without a rasterizer.
-    [[nodiscard]] std::map<std::string, std::vector<int>> owners(const std::vector<NamedCamera>& cameras) {
-        StudioParams painted = studio;
-        for (const NamedCamera& camera : cameras)
-            if (camera.role == NamedCamera::Role::test) painted.cameras.push_back(camera);
-        const auto pure = [](double r, double b) {
-            return [=](const vec3<double>&) { return SurfaceColor{.albedo = {r, 0, b}, .gloss = 0}; };
-        };
-        const Capture capture = film(backend, {{&body, &ann, pure(0.9, 0)}, {&body, &bob, pure(0, 0.9)}}, painted);
-        std::map<std::string, std::vector<int>> result;
-        for (std::size_t c = 0; c < capture.cameras.size(); ++c)
-            for (std::size_t f = 0; f < capture.frame_count(); ++f) {
-                char name[64];
-                std::snprintf(name, sizeof name, "%s_%04zu", capture.cameras[c].name.c_str(), f);
-                const PixelImage& image = capture.image({c, f});
-                auto& owner = result[name];
-                for (std::size_t i = 0; i < image.data.size(); i += 4)
-                    owner.push_back(image.data[i + 3] <= 127 ? -1 : image.data[i + 2] > image.data[i] ? 1 : 0);
-            }
-        return result;
-    }
-};
-
-/// A capture's folder with a pose file for each of the people in it.
-void save(const fs::path& folder, const Capture& capture,
-          const std::vector<std::pair<std::string, const Motion*>>& people) {
-    save_capture(folder, capture);
-    fs::remove(folder / "poses.npz");
-    for (const auto& [name, motion] : people) save_motion(folder / (name + ".npz"), *motion);
-}
 
 /// One capture of both, and one reconstruction of it, for all tests here.
 struct TwoPeople {
     test::Temporary folder;
-    Actors actors{Size{}};
+    test::CrossingActors actors{{}};
     Capture capture = actors.together();
     fs::path path = folder / "capture", body = folder / "body.npz", camera = folder / "camera.json",
              out = folder / "out";
     test::Outcome outcome;
 
     TwoPeople() {
-        save(path, capture, {{"ann", &actors.ann}, {"bob", &actors.bob}});
+        test::save_people(path, capture, {{"ann", &actors.ann}, {"bob", &actors.bob}});
         save_body_model(body, actors.body);
         write_camera(camera, capture.cameras.back());
         outcome = run(reconstruct(out, {"--poses", "ann.npz,bob.npz", "--threads", "1"}));
@@ -468,30 +400,30 @@ TEST_CASE("configurations are compared on two people") {
 }
 
 TEST_CASE("each of two people who pass each other is as good as alone") {
-    Size size{.size = 96, .frames = 4, .cameras = 4, .gaussians = 2000, .steps = 150, .samples = 4};
+    Size size{.film = {.image_size = 96, .frames = 4, .cameras = 4}, .gaussians = 2000, .steps = 150};
     const char* asked = std::getenv("GSH_TWO_PEOPLE");
     if (asked) {
         std::string text = asked;
         for (const auto& [name, value] :
-             std::initializer_list<std::pair<const char*, int*>>{{"size=", &size.size},
-                                                                 {"frames=", &size.frames},
-                                                                 {"cameras=", &size.cameras},
+             std::initializer_list<std::pair<const char*, int*>>{{"size=", &size.film.image_size},
+                                                                 {"frames=", &size.film.frames},
+                                                                 {"cameras=", &size.film.cameras},
                                                                  {"gaussians=", &size.gaussians},
                                                                  {"steps=", &size.steps},
-                                                                 {"samples=", &size.samples}})
+                                                                 {"samples=", &size.film.samples}})
             if (const auto at = text.find(name); at != std::string::npos)
                 *value = std::atoi(text.c_str() + at + std::string(name).size());
     }
     const test::Temporary folder;
-    Actors actors(size);
+    test::CrossingActors actors(size.film);
     save_body_model(folder / "body.npz", actors.body);
     const Capture both = actors.together();
     const auto owners = actors.owners(both.cameras);
-    save(folder / "both", both, {{"ann", &actors.ann}, {"bob", &actors.bob}});
-    save(folder / "ann", actors.alone(actors.first(), both.cameras), {{"ann", &actors.ann}});
-    save(folder / "bob", actors.alone(actors.second(), both.cameras), {{"bob", &actors.bob}});
+    test::save_people(folder / "both", both, {{"ann", &actors.ann}, {"bob", &actors.bob}});
+    test::save_people(folder / "ann", actors.alone(actors.first(), both.cameras), {{"ann", &actors.ann}});
+    test::save_people(folder / "bob", actors.alone(actors.second(), both.cameras), {{"bob", &actors.bob}});
     for (const auto& [name, owner] : owners) { // bob's masks are given; the programs compute ann's
-        PixelImage mask(3, size.size, size.size);
+        PixelImage mask(3, size.film.image_size, size.film.image_size);
         for (std::size_t i = 0; i < owner.size(); ++i)
             std::fill_n(mask.data.begin() + static_cast<std::ptrdiff_t>(3 * i), 3, owner[i] == 1 ? 255 : 0);
         const auto cut = name.rfind('_');
