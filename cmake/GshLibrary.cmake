@@ -1,10 +1,11 @@
 # The targets that a program links. gsh::gsh is the core: all folders but those below, with Eigen, GLM and oneTBB. The
 # others are opt-in components. Each is a target with the dependencies of its folder:
-#   gsh::io         io/           libzip, zlib, zstd, stb, nlohmann-json, tinygltf
-#   gsh::check      check/        those of gsh::io
-#   gsh::synthetic  synthetic/    Embree, and those of gsh::io
-#   gsh::cuda       *.cuh         CUDA's runtime; sources that include a .cuh are compiled by nvcc
-set(gsh_components io check synthetic cuda)
+#   gsh::io           io/           libzip, zlib, zstd, stb, nlohmann-json, tinygltf
+#   gsh::check        check/        those of gsh::io
+#   gsh::reconstruct  reconstruct/  those of gsh::io
+#   gsh::synthetic    synthetic/    Embree, and those of gsh::io
+#   gsh::cuda         *.cuh         CUDA's runtime; sources that include a .cuh are compiled by nvcc
+set(gsh_components io check reconstruct synthetic cuda)
 
 include(GshPrecompile) # a function for users' targets, which the installed package has, too
 
@@ -56,6 +57,7 @@ find_package(CUDAToolkit QUIET) # optional everywhere
 if(libzip_FOUND AND ZLIB_FOUND AND zstd_FOUND AND stb_FOUND AND nlohmann_json_FOUND AND tinygltf_FOUND)
   gsh_add_component(io libzip::zip ZLIB::ZLIB zstd::zstd stb::stb nlohmann_json::nlohmann_json tinygltf::tinygltf)
   gsh_add_component(check gsh_io)
+  gsh_add_component(reconstruct gsh_io)
   if(embree_FOUND)
     gsh_add_component(synthetic gsh_io embree)
   endif()

@@ -4,12 +4,12 @@
 #include "support/figures.hpp"
 #include "support/help.hpp"
 #include "support/input_files.hpp"
+#include "support/load_input.hpp"
 #include "support/output_folder.hpp"
 #include "support/overlay.hpp"
 #include "support/program.hpp"
 #include "support/progress.hpp"
 #include "support/reconstruct_command.hpp"
-#include "support/source.hpp"
 
 #include <gsh/backend/threads.hpp>
 #include <gsh/check/capture_check.hpp>
@@ -40,23 +40,23 @@ struct CheckOptions : PeopleOptions {
 };
 
 /// Loads the capture and its people, with the warnings of the readers.
-Source load(cpu::Threads& backend, const CheckOptions& options) {
+ReconstructionInput load(cpu::Threads& backend, const CheckOptions& options) {
     CaptureOptions how;
     how.empty_masks = true; // reported as findings
     how.person = static_cast<int>(options.person.value_or(0));
-    Source source = load_people(backend, options, how);
-    auto& people = source.people;
+    ReconstructionInput input = load_people(backend, options, how);
+    auto& people = input.people;
     // The reader's warnings are estimates from three frames. The check reports the same faults with figures.
     for (std::size_t p = 0; p < people.size(); ++p)
-        for (const std::string& text : warnings_of(source.capture, source.body(p), people[p].motion))
-            std::erase(source.warnings,
+        for (const std::string& text : warnings_of(input.capture, input.body(p), people[p].motion))
+            std::erase(input.warnings,
                        (people.size() > 1 ? people[p].name + ": " : "") + options.capture.string() + ": " + text);
     if (options.person && people.size() > 1) {
         check_value(*options.person < people.size(), "--person " + std::to_string(*options.person),
                     "there are " + std::to_string(people.size()) + " people, counted from 0");
         people = {people[*options.person]};
     }
-    return source;
+    return input;
 }
 
 std::string overlay_name(const Capture& capture, CaptureView view) {
@@ -79,30 +79,31 @@ std::vector<int> joint_sides(const BodyModel& body) {
 
 /// Draws the mask's outline and the bodies and skeletons of all people in a frame. `sides` has the joint sides of each
 /// body.
-PixelImage overlay(const Source& source, CaptureView view, const std::vector<std::vector<int>>& sides) {
+PixelImage overlay(const ReconstructionInput& input, CaptureView view, const std::vector<std::vector<int>>& sides) {
     const OverlayColors colors;
-    const PixelImage& image = source.capture.image(view);
-    const Camera<double>& camera = source.capture.cameras[view.camera].camera;
+    const PixelImage& image = input.capture.image(view);
+    const Camera<double>& camera = input.capture.cameras[view.camera].camera;
     std::vector<PosedBody> posed;
-    for (std::size_t p = 0; p < source.people.size(); ++p) posed.push_back(source.posed(p, view.frame));
+    for (std::size_t p = 0; p < input.people.size(); ++p) posed.push_back(input.posed(p, view.frame));
     PixelImage canvas = overlay_canvas(image);
     draw_outline(canvas, mask_silhouette(image), colors.mask);
     for (std::size_t p = 0; p < posed.size(); ++p)
-        draw_outline(canvas, mesh_silhouette(posed[p].vertices, source.body(p).faces, camera), colors.body);
+        draw_outline(canvas, mesh_silhouette(posed[p].vertices, input.body(p).faces, camera), colors.body);
     for (std::size_t p = 0; p < posed.size(); ++p)
-        draw_skeleton(canvas, camera, posed[p].joints, source.body(p).parents, sides[source.people[p].body], colors);
+        draw_skeleton(canvas, camera, posed[p].joints, input.body(p).parents, sides[input.people[p].body], colors);
     return canvas;
 }
 
 /// Returns false after an interrupt.
-bool write_overlays(cpu::Threads& backend, OutputFolder& out, const Source& source, const CaptureCheck& check) {
+bool write_overlays(cpu::Threads& backend, OutputFolder& out, const ReconstructionInput& input,
+                    const CaptureCheck& check) {
     std::vector<std::vector<int>> sides;
-    for (const BodyModel& body : source.bodies) sides.push_back(joint_sides(body));
+    for (const BodyModel& body : input.bodies) sides.push_back(joint_sides(body));
     std::vector<std::filesystem::path> paths;
     out.own("overlays");
-    for (const ViewCheck& v : check.views) paths.push_back(out.file(overlay_name(source.capture, v.view)));
+    for (const ViewCheck& v : check.views) paths.push_back(out.file(overlay_name(input.capture, v.view)));
     gsh::detail::load_all(backend, check.views.size(), [&](std::size_t i) {
-        if (!interrupted) write_png(paths[i], overlay(source, check.views[i].view, sides));
+        if (!interrupted) write_png(paths[i], overlay(input, check.views[i].view, sides));
     });
     return !interrupted;
 }
@@ -111,8 +112,8 @@ const char* mask_text(ViewCheck::Mask mask) {
     return mask == ViewCheck::Mask::usable ? "usable" : mask == ViewCheck::Mask::empty ? "empty" : "opaque";
 }
 
-void write_json(const std::filesystem::path& path, const Source& source, const CaptureCheck& check) {
-    const Capture& capture = source.capture;
+void write_json(const std::filesystem::path& path, const ReconstructionInput& input, const CaptureCheck& check) {
+    const Capture& capture = input.capture;
     const std::optional<double> mean_iou = check.mean_iou();
     const auto image = [&](CaptureView view) {
         return Json{{"camera", capture.cameras[view.camera].name}, {"frame", view.frame}};
@@ -125,7 +126,7 @@ void write_json(const std::filesystem::path& path, const Source& source, const C
               {"mean_iou", mean_iou ? Json(*mean_iou) : Json(nullptr)},
               {"findings", Json::array()},
               {"advice", Json::array()},
-              {"warnings", source.warnings},
+              {"warnings", input.warnings},
               {"images", Json::array()}};
     for (const auto& [doubt, text] : advice(capture, check))
         json["advice"].push_back({{"doubt", doubt}, {"text", text}, {"help", help_link(doubt)}});
@@ -146,9 +147,9 @@ void write_json(const std::filesystem::path& path, const Source& source, const C
         one["missing"] = v.missing ? Json(*v.missing) : Json(nullptr);
         one["exposure"] = v.stops ? Json{v.stops->x, v.stops->y, v.stops->z} : Json(nullptr);
         one["background_removed"] = v.background_removed;
-        for (std::size_t p = 0; source.people.size() > 1 && p < v.people.size(); ++p) {
+        for (std::size_t p = 0; input.people.size() > 1 && p < v.people.size(); ++p) {
             const auto& [inside, covered] = v.people[p];
-            one["people"].push_back({{"name", source.people[p].name},
+            one["people"].push_back({{"name", input.people[p].name},
                                      {"inside", inside},
                                      {"covered", covered ? Json(*covered) : Json(nullptr)}});
         }
@@ -159,15 +160,15 @@ void write_json(const std::filesystem::path& path, const Source& source, const C
 }
 
 /// Prints the means of each of several people over the images that show them.
-void print_people(const Source& source, const CaptureCheck& check) {
+void print_people(const ReconstructionInput& input, const CaptureCheck& check) {
     std::printf("\n%-20s %8s %8s\n", "person", "covered", "inside");
-    for (std::size_t p = 0; p < source.people.size(); ++p) {
+    for (std::size_t p = 0; p < input.people.size(); ++p) {
         double inside = 0, covered = 0, count = 0;
         for (const ViewCheck& v : check.views) {
             if (!v.people[p].covered) continue;
             inside += v.people[p].inside, covered += *v.people[p].covered, count += 1;
         }
-        std::printf("%-20s", source.people[p].name.c_str());
+        std::printf("%-20s", input.people[p].name.c_str());
         if (count > 0)
             std::printf(" %7.0f%% %7.0f%%\n", 100 * covered / count, 100 * inside / count);
         else
@@ -176,8 +177,8 @@ void print_people(const Source& source, const CaptureCheck& check) {
 }
 
 /// Prints one screen: means per camera, the worst images, the people, the findings.
-void print(const Source& source, const CaptureCheck& check, const std::filesystem::path& out) {
-    const Capture& capture = source.capture;
+void print(const ReconstructionInput& input, const CaptureCheck& check, const std::filesystem::path& out) {
+    const Capture& capture = input.capture;
     constexpr std::size_t most_cameras = 8, most_images = 8;
     std::printf("%zu images of %zu cameras, ", check.views.size(), capture.cameras.size());
     if (const auto mean_iou = check.mean_iou())
@@ -213,7 +214,7 @@ void print(const Source& source, const CaptureCheck& check, const std::filesyste
     for (std::size_t i = 0; i < std::min(most_images, worst.size()); ++i)
         std::printf("%-20s %8zu %8.3f %7.0f%%\n", capture.cameras[worst[i].view.camera].name.c_str(),
                     worst[i].view.frame, worst[i].iou, 100 * worst[i].inside);
-    if (source.people.size() > 1 && !check.views.empty()) print_people(source, check);
+    if (input.people.size() > 1 && !check.views.empty()) print_people(input, check);
     std::printf("\n");
     std::vector<std::string> doubts;
     const auto print_line = [&](const std::string& doubt, const std::string& text) {
@@ -230,21 +231,21 @@ int check(const CheckOptions& options) {
     watch_interrupts();
     cpu::Threads backend(options.threads);
     OutputFolder out(options.out);
-    const Source source = load(backend, options);
-    for (const std::string& warning : source.warnings) warn(warning);
+    const ReconstructionInput input = load(backend, options);
+    for (const std::string& warning : input.warnings) warn(warning);
     CaptureCheckParams params;
     params.frames = options.frames;
     std::vector<CheckedPerson> people;
-    for (std::size_t p = 0; p < source.people.size(); ++p)
-        people.push_back({source.people[p].name, &source.body(p), &source.people[p].motion});
+    for (std::size_t p = 0; p < input.people.size(); ++p)
+        people.push_back({input.people[p].name, &input.body(p), &input.people[p].motion});
     std::optional<Progress> shown(std::in_place, "comparing bodies and images");
-    const CaptureCheck result = check_capture(backend, source.capture, people, params);
+    const CaptureCheck result = check_capture(backend, input.capture, people, params);
     shown.emplace("drawing overlays");
-    if (interrupted || !write_overlays(backend, out, source, result)) return exit_interrupted;
-    write_json(out.file("check.json"), source, result); // last: if it exists, all files are complete
+    if (interrupted || !write_overlays(backend, out, input, result)) return exit_interrupted;
+    write_json(out.file("check.json"), input, result); // last: if it exists, all files are complete
     out.commit();
     shown.reset();
-    print(source, result, options.out);
+    print(input, result, options.out);
     return result.findings.empty() ? int(exit_done) : exit_findings;
 }
 

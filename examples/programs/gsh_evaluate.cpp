@@ -11,12 +11,12 @@
 #include "support/evaluation_tables.hpp"
 #include "support/evaluator.hpp"
 #include "support/figures.hpp"
+#include "support/load_input.hpp"
 #include "support/machine.hpp"
 #include "support/program.hpp"
-#include "support/registered_source.hpp"
 #include "support/reconstruct_command.hpp"
 #include "support/reconstruct_options.hpp"
-#include "support/source.hpp"
+#include "support/reconstruction.hpp"
 
 #include <cstddef>
 #include <cstdio>
@@ -78,18 +78,18 @@ int evaluate(const EvaluateOptions& o) {
     Machine machine(o.common.machine);
     const std::vector<Run> runs = planned_runs(o);
     EvaluationFolder folder(o);
-    Source source = load_source(machine.host(), o.common);
-    const bool registers = o.common.refine && !o.common.no_registration &&
-                           std::any_of(runs.begin(), runs.end(),
-                                       [&](const Run& run) { return !run.scene && !folder.has(run); });
-    if (registers) register_source(machine.host(), source, o.common);
-    Evaluator evaluator(machine, source, o);
+    ReconstructionInput input = load_input(machine.host(), o.common);
+    const bool registers =
+        o.common.refine && !o.common.no_registration &&
+        std::any_of(runs.begin(), runs.end(), [&](const Run& run) { return !run.scene && !folder.has(run); });
+    if (registers) register_shown(machine, input, recipe_of(o.common, {}));
+    Evaluator evaluator(machine, input, o);
     for (const Run& run : runs) evaluator.check(run);
-    for (const std::string& warning : source.warnings) warn(warning);
+    for (const std::string& warning : input.warnings) warn(warning);
     watch_interrupts();
 
     const auto write = [&] {
-        write_evaluation(folder, source.capture.name, evaluator.views(), evaluator.test_photos(), folder.results());
+        write_evaluation(folder, input.capture.name, evaluator.views(), evaluator.test_photos(), folder.results());
     };
     for (std::size_t i = 0; i < runs.size(); ++i) {
         const Run& run = runs[i];

@@ -9,19 +9,19 @@
 
 #include "support/evaluation_tables.hpp"
 #include "support/figures.hpp"
-#include "support/judgement.hpp"
+#include "support/load_input.hpp"
 #include "support/machine.hpp"
 #include "support/output_folder.hpp"
 #include "support/program.hpp"
 #include "support/reconstruct_command.hpp"
 #include "support/reconstruct_options.hpp"
 #include "support/reconstruction.hpp"
-#include "support/registered_source.hpp"
 #include "support/results.hpp"
-#include "support/source.hpp"
 #include "support/static_reconstruction.hpp"
 #include "support/stored_options.hpp"
 #include "support/training.hpp"
+
+#include <gsh/reconstruct/resume.hpp>
 
 #include <cstdio>
 #include <string>
@@ -34,13 +34,13 @@ namespace {
 
 /// The configuration `static`: one frame as a 3DGS scene, without a body.
 int reconstruct_scene(Machine& machine, OutputFolder& out, const ReconstructOptions& options) {
-    const StaticSource source = load_static_source(options.capture, options.frame);
-    for (const std::string& warning : source.warnings) warn(warning);
+    const StaticSource input = load_static_source(options.capture, options.frame);
+    for (const std::string& warning : input.warnings) warn(warning);
     const StaticOptions chosen = static_options(options);
     watch_interrupts();
-    const StaticResult result = reconstruct_static(machine, source, chosen);
+    const StaticResult result = reconstruct_static(machine, input, chosen);
     if (interrupted) return exit_interrupted;
-    write_static_result(out, machine, source, chosen, result);
+    write_static_result(out, machine, input, chosen, result);
     const ImageScore mean = mean_score(result.scores);
     std::printf("%llu steps in %.1f s: PSNR %s dB, SSIM %s\nresults in %s\n",
                 static_cast<unsigned long long>(result.steps), result.seconds, fixed(mean.psnr, 2).c_str(),
@@ -52,30 +52,31 @@ int reconstruct(const ReconstructOptions& options) {
     Machine machine(options.machine);
     OutputFolder out(options.out);
     if (is_scene(options)) return reconstruct_scene(machine, out, options);
-    Source source = load_source(machine.host(), options);
-    const Configuration configuration = configuration_for(options, source);
-    if (!options.lpips.empty()) check_lpips(options.lpips);
-    if (options.resume) check_checkpoint(options, run_text(source, configuration, options)); // before work is done
-    if (options.refine && !options.no_registration)
-        register_source(machine.host(), source, options);
-    ReconstructionSetup made = make_setup(machine, source, configuration, options);
-    take_photographs(made, source.capture);
+    ReconstructionInput input = load_input(machine.host(), options);
+    const Recipe recipe = recipe_for(options, input);
+    (void)lpips_of(options); // reports errors in the file before training
+    if (options.resume)
+        check_checkpoint(checkpoint_path(options), run_text(input, recipe), resume_advice); // before work is done
+    if (recipe.refine && recipe.registration) register_shown(machine, input, recipe);
+    ReconstructionSetup made = make_setup(machine, input, recipe);
+    take_photographs(made, input.capture);
     const auto reconstruction = make_reconstruction(machine, std::move(made));
     const ReconstructionSetup& setup = reconstruction->setup;
     TrainingRecord record;
-    if (options.resume) load_checkpoint(options, *reconstruction, record);
-    for (const std::string& warning : source.warnings) warn(warning);
-    if (source.people.size() > 1) std::printf("%zu people, ", source.people.size());
+    if (options.resume) record = load_checkpoint(checkpoint_path(options), *reconstruction, resume_advice);
+    for (const std::string& warning : input.warnings) warn(warning);
+    for (const std::string& warning : setup.warnings) warn(warning);
+    if (input.people.size() > 1) std::printf("%zu people, ", input.people.size());
     std::printf("%zu Gaussians, %zu training and %zu test images, %s\n", setup.gaussian_count(), setup.photos.size(),
                 setup.test_photos.size(), machine.computed_on().text().c_str());
     if (!setup.light_text.empty()) std::printf("%s\n", setup.light_text.c_str());
-    if (source.registration) std::printf("registration: %s\n", source.registration->text().c_str());
+    if (input.registration) std::printf("registration: %s\n", input.registration->text().c_str());
     std::fflush(stdout);
 
     watch_interrupts();
-    train(*reconstruction, options, record);
-    const auto figures = naming_checkpoint(
-        record, [&] { return write_results(out, options, machine, source, *reconstruction, record); });
+    train_shown(*reconstruction, recipe, options, record);
+    const auto figures =
+        naming_checkpoint(record, [&] { return write_results(out, options, machine, input, *reconstruction, record); });
     if (!figures) {
         std::fprintf(stderr, "stopped after step %llu; --resume continues from there\n",
                      static_cast<unsigned long long>(record.steps));
@@ -98,9 +99,11 @@ int main(int argc, char** argv) {
     CLI::App app("Reconstructs an animatable avatar from a capture.", "gsh-reconstruct");
     add_options(app, options);
     return run_program(app, argc, argv, [&] {
-        if (options.resume && !is_scene(options)) // check_options refuses that
-            if (const std::string earlier = checkpoint_options(options); !earlier.empty())
+        if (options.resume && !is_scene(options)) { // check_options refuses that
+            check_resumable(options);
+            if (const std::string earlier = checkpoint_words(checkpoint_path(options)); !earlier.empty())
                 restore_options(app, earlier, checkpoint_path(options).string(), {"--steps", "--seconds"});
+        }
         options.given = given_options(app, {"--help", "--out", "--resume"});
         check_options(options);
         return reconstruct(options);

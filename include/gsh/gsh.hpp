@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Everything that gsh::gsh offers, floor by floor. io/, check/ and synthetic/ are opt-in folders.
+/// @file  Everything that gsh::gsh offers, floor by floor. io/, check/, reconstruct/ and synthetic/ are opt-in.
 #pragma once
 
 #include <gsh/core/config.hpp>

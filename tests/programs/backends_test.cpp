@@ -4,19 +4,18 @@
 #include "programs/small_capture.hpp"
 #include "support/guarded.hpp"
 
+#include "support/load_input.hpp"
 #include "support/machine.hpp"
 #include "support/reconstruction.hpp"
-#include "support/reconstruction_on.hpp"
 #include "support/renderer.hpp"
 #include "support/renderer_on.hpp"
-#include "support/source.hpp"
 #include "support/static_reconstruction.hpp"
 #include "support/static_reconstruction_on.hpp"
-#include "support/training.hpp"
 
 #include <gsh/io/file/archive.hpp>
 #include <gsh/io/model/avatar_file.hpp>
 #include <gsh/io/model/checkpoint.hpp>
+#include <gsh/reconstruct/reconstruction.hpp>
 
 #include <cmath>
 #include <cstddef>
@@ -35,18 +34,16 @@ namespace {
 
 /// The small capture as the input of a reconstruction. With two people, the second one stands beside the first, where
 /// no photograph shows a person.
-Source source_of_people(std::size_t count) {
+ReconstructionInput input_of_people(std::size_t count) {
     const test::SmallCapture& s = test::studio();
-    Source source;
-    source.bodies = {s.body};
-    source.capture = s.capture;
-    source.regions.resize(1);
+    ReconstructionInput input;
+    input.bodies = {s.body};
+    input.capture = s.capture;
     for (std::size_t p = 0; p < count; ++p) {
-        source.people.push_back({"person" + std::to_string(p), 0, s.capture.motion});
-        for (auto& transl : source.people[p].motion.transl) transl.x += 0.6 * static_cast<double>(p);
+        input.people.push_back({"person" + std::to_string(p), 0, s.capture.motion});
+        for (auto& transl : input.people[p].motion.transl) transl.x += 0.6 * static_cast<double>(p);
     }
-    source.priors.resize(count);
-    return source;
+    return input;
 }
 
 ReconstructOptions options_of_test(const char* config, std::vector<std::string> more = {}) {
@@ -61,7 +58,7 @@ ReconstructOptions options_of_test(const char* config, std::vector<std::string> 
 }
 
 /// Steps as in train(), without progress and checkpoints.
-void train_to(Reconstruction& reconstruction, std::uint64_t steps) {
+void train_to(AnyReconstruction& reconstruction, std::uint64_t steps) {
     while (reconstruction.step_count() < steps) {
         reconstruction.step(static_cast<double>(reconstruction.step_count()) / 8);
         reconstruction.settle();
@@ -80,7 +77,7 @@ void check_equal(const AvatarData& a, const AvatarData& b) {
     if (a.light && b.light) CHECK(a.light->log_intensities == b.light->log_intensities);
 }
 
-void check_equal(Reconstruction& a, Reconstruction& b) {
+void check_equal(AnyReconstruction& a, AnyReconstruction& b) {
     CHECK(a.step_count() == b.step_count());
     const std::vector<StepValues> values_of_a = a.history(), values_of_b = b.history();
     REQUIRE(!values_of_a.empty());
@@ -103,32 +100,32 @@ void check_equal(Reconstruction& a, Reconstruction& b) {
 } // namespace
 
 TEST_CASE("a reconstruction is the same on another backend, and either continues the other's checkpoint") {
-    const Source source = source_of_people(2);
+    const ReconstructionInput input = input_of_people(2);
     ReconstructOptions o = options_of_test("light", {"ao=pose", "ao.start=0.1", "refine.test_steps=2"});
     o.refine = o.refine_cameras = true;
     Machine machine(o.machine);
-    const auto setup = [&] { return make_setup(machine, source, configuration_of(o), o); };
+    const auto setup = [&] { return make_setup(machine, input, recipe_of(o, configuration_of(o))); };
     const auto threads = make_reconstruction(machine, setup());
     Guarded backend;
-    ReconstructionOn<Guarded> guarded(backend, setup());
+    Reconstruction<Guarded> guarded(backend, setup());
     train_to(*threads, 3);
     train_to(guarded, 3);
     check_equal(*threads, guarded);
 
     const test::Temporary folder;
-    for (Reconstruction* from : {threads.get(), static_cast<Reconstruction*>(&guarded)}) {
+    for (AnyReconstruction* from : {threads.get(), static_cast<AnyReconstruction*>(&guarded)}) {
         ArchiveWriter file(folder / "checkpoint.gsh", "checkpoint", checkpoint_version);
         from->save(file);
         file.commit();
         const ArchiveReader stored(folder / "checkpoint.gsh", "checkpoint", checkpoint_version);
-        Reconstruction& to = from == &guarded ? *threads : guarded;
+        AnyReconstruction& to = from == &guarded ? *threads : guarded;
         to.load(stored);
         train_to(*from, from->step_count() + 1);
         train_to(to, from->step_count());
         check_equal(*from, to);
     }
 
-    for (Reconstruction* each : {threads.get(), static_cast<Reconstruction*>(&guarded)}) {
+    for (AnyReconstruction* each : {threads.get(), static_cast<AnyReconstruction*>(&guarded)}) {
         const Photo& photo = each->setup.test_photos[0];
         const Image<float> before = each->compare(photo).render;
         REQUIRE(each->refine_test_poses());
@@ -167,10 +164,11 @@ TEST_CASE("so is a static scene") {
 }
 
 TEST_CASE("so are pictures of avatars and of scenes") {
-    const Source source = source_of_people(2);
+    const ReconstructionInput input = input_of_people(2);
     const ReconstructOptions o = options_of_test("light");
     Machine machine(o.machine);
-    const auto reconstruction = make_reconstruction(machine, make_setup(machine, source, configuration_of(o), o));
+    const auto reconstruction =
+        make_reconstruction(machine, make_setup(machine, input, recipe_of(o, configuration_of(o))));
     const std::vector<AvatarData> avatars = reconstruction->avatars();
     const test::Temporary folder;
     std::vector<std::filesystem::path> files, poses;
@@ -178,10 +176,10 @@ TEST_CASE("so are pictures of avatars and of scenes") {
         files.push_back(folder / ("avatar" + std::to_string(p) + ".gsh"));
         poses.push_back(folder / ("poses" + std::to_string(p) + ".npz"));
         save_avatar(files.back(), avatars[p]);
-        save_motion(poses.back(), source.people[p].motion);
+        save_motion(poses.back(), input.people[p].motion);
     }
     const ShownPeople people(files, poses);
-    const Camera<double>& camera = source.capture.cameras[0].camera;
+    const Camera<double>& camera = input.capture.cameras[0].camera;
     const vec3<float> background(0.2f, 0.4f, 0.6f);
     Guarded backend;
     const auto expected = make_renderer(machine, people);
@@ -194,14 +192,15 @@ TEST_CASE("so are pictures of avatars and of scenes") {
 }
 
 TEST_CASE("fields train in mixed precision on threads: close to fp32, but not with its bits") {
-    const Source source = source_of_people(1);
+    const ReconstructionInput input = input_of_people(1);
     ReconstructOptions o = options_of_test("paper");
     std::vector<AvatarData> avatars;
     for (const char* precision : {"fp32", "mixed"}) {
         o.machine.precision = precision;
         Machine machine(o.machine);
         CHECK(machine.computed_on().precision == precision);
-        const auto reconstruction = make_reconstruction(machine, make_setup(machine, source, configuration_of(o), o));
+        const auto reconstruction =
+            make_reconstruction(machine, make_setup(machine, input, recipe_of(o, configuration_of(o))));
         train_to(*reconstruction, 4);
         avatars.push_back(reconstruction->avatars()[0]);
     }

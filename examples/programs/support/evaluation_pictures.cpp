@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "support/evaluation_pictures.hpp"
 
-#include "support/source.hpp"
+#include "support/load_input.hpp"
 
 #include <gsh/body/posed_body.hpp>
 #include <gsh/body/region_mask.hpp>
@@ -62,16 +62,17 @@ constexpr int picture_gap = 4; // pixels between parts of a picture
 
 } // namespace
 
-std::vector<ShownView> shown_views(const Source& source, const std::vector<Photo>& photos, std::size_t most) {
+std::vector<ShownView> shown_views(const ReconstructionInput& input, const std::vector<Photo>& photos,
+                                   std::size_t most) {
     std::vector<BodyRegions> regions;
-    for (std::size_t p = 0; p < source.people.size(); ++p) regions.push_back(source.body_regions_of(p));
+    for (std::size_t p = 0; p < input.people.size(); ++p) regions.push_back(input.body_regions_of(p));
     std::vector<ShownView> views;
     const std::size_t count = std::min(most, photos.size());
     for (std::size_t i = 0; i < count; ++i) {
         const Photo& photo = photos[i * photos.size() / count];
         ShownView view{photo.name, i * photos.size() / count, photo.camera.width, photo.camera.height, {}};
         for (std::size_t p = 0; p < regions.size(); ++p) {
-            const PosedBody posed = source.posed(p, photo.frame);
+            const PosedBody posed = input.posed(p, photo.frame);
             for (const auto* region : {&regions[p].face, &regions[p].left_hand, &regions[p].right_hand})
                 if (!region->empty()) view.crops.push_back(crop_of(posed.vertices, *region, photo.camera));
         }
@@ -112,8 +113,7 @@ Image<float> truth_image(const Photo& photo) {
             const float alpha = static_cast<float>(pixel[3]) / 255;
             for (std::size_t c = 0; c < 3; ++c) {
                 const float behind = photo.plate.empty() ? 1.0f : static_cast<float>(photo.plate[at + c]) / 255;
-                image.at(static_cast<int>(c), y, x) =
-                    alpha * static_cast<float>(pixel[c]) / 255 + (1 - alpha) * behind;
+                image.at(static_cast<int>(c), y, x) = alpha * static_cast<float>(pixel[c]) / 255 + (1 - alpha) * behind;
             }
         }
     return image;
@@ -127,8 +127,7 @@ PixelImage stacked(const std::vector<PixelImage>& rows) {
         if (row.height == height && row.width == width) fitting.push_back(&row);
     PixelImage grid(3, static_cast<int>(fitting.size()) * (height + gap) - gap, width);
     std::fill(grid.data.begin(), grid.data.end(), std::uint8_t(255));
-    for (std::size_t r = 0; r < fitting.size(); ++r)
-        paste(*fitting[r], grid, 0, static_cast<int>(r) * (height + gap));
+    for (std::size_t r = 0; r < fitting.size(); ++r) paste(*fitting[r], grid, 0, static_cast<int>(r) * (height + gap));
     return grid;
 }
 

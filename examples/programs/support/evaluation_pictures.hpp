@@ -5,14 +5,13 @@
 #include <gsh/image/image.hpp>
 #include <gsh/io/image/image_file.hpp>
 #include <gsh/pipeline/photo.hpp>
+#include <gsh/reconstruct/input.hpp>
 
 #include <cstddef>
 #include <string>
 #include <vector>
 
 namespace gsh::examples {
-
-struct Source;
 
 /// A square of an image that a row shows enlarged: each pixel becomes zoom x zoom pixels.
 struct Crop {
@@ -28,12 +27,11 @@ struct ShownView {
 };
 
 /// Up to `most` of the test views, evenly spaced. Each has the crops of all people, one person after the other.
-[[nodiscard]] std::vector<ShownView> shown_views(const Source& source, const std::vector<Photo>& photos,
+[[nodiscard]] std::vector<ShownView> shown_views(const ReconstructionInput& input, const std::vector<Photo>& photos,
                                                  std::size_t most);
 
 /// A row: the image, five times its error (white if no truth is given), crops of face and hands.
-[[nodiscard]] PixelImage row_picture(const ShownView& view, const Image<float>& image,
-                                     const Image<float>* truth);
+[[nodiscard]] PixelImage row_picture(const ShownView& view, const Image<float>& image, const Image<float>* truth);
 
 /// A photograph composited over its background: the camera's plate, or white.
 [[nodiscard]] Image<float> truth_image(const Photo& photo);

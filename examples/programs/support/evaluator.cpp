@@ -6,14 +6,17 @@
 #include "support/figures.hpp"
 #include "support/interrupts.hpp"
 #include "support/machine.hpp"
+#include "support/messages.hpp"
 #include "support/progress.hpp"
 #include "support/reconstruction.hpp"
 #include "support/results.hpp"
+#include "support/shown_progress.hpp"
 #include "support/static_reconstruction.hpp"
 #include "support/training.hpp"
 
 #include <gsh/core/error.hpp>
 #include <gsh/io/image/image_file.hpp>
+#include <gsh/loss/cpu/lpips.hpp>
 #include <gsh/train/configuration.hpp>
 
 #include <malloc.h>
@@ -53,7 +56,7 @@ void finish(const Run& run, OutputFolder& out, const RunResult& result) {
 /// Restores the state in which an earlier call left a run. If there is none, or if its settings were different, the run
 /// starts from the beginning.
 /// Errors  ValueError if the checkpoint is past a mark at which the run was not evaluated.
-void resume(const Run& run, Reconstruction& reconstruction, TrainingRecord& record, std::vector<Mark>& marks) {
+void resume(const Run& run, AnyReconstruction& reconstruction, TrainingRecord& record, std::vector<Mark>& marks) {
     std::error_code ignored;
     if (std::filesystem::exists(checkpoint_path(run.options), ignored) &&
         std::filesystem::exists(run.file("progress.json"), ignored)) {
@@ -63,7 +66,7 @@ void resume(const Run& run, Reconstruction& reconstruction, TrainingRecord& reco
             return std::pair(json.at("settings"), std::move(kept));
         });
         if (said.first == run.settings) {
-            load_checkpoint(run.options, reconstruction, record);
+            record = load_checkpoint(checkpoint_path(run.options), reconstruction, resume_advice);
             const bool passed = std::any_of(run.marks.begin(), run.marks.end(), [&](std::uint64_t steps) {
                 return steps < record.steps && std::none_of(
                                                    said.second.begin(), said.second.end(),
@@ -84,7 +87,7 @@ void resume(const Run& run, Reconstruction& reconstruction, TrainingRecord& reco
     write_progress(run, {});
 }
 
-RunCost cost_of_run(Reconstruction& reconstruction, const TrainingRecord& record) {
+RunCost cost_of_run(AnyReconstruction& reconstruction, const TrainingRecord& record) {
     const TableCounts tables = reconstruction.table_counts();
     RunCost cost{.gaussians = reconstruction.setup.gaussian_count(),
                  .memory = resident_bytes(),
@@ -135,10 +138,10 @@ std::string training_protocol(const Run& run, std::uint64_t steps, const Machine
 
 } // namespace
 
-Evaluator::Evaluator(Machine& machine, const Source& source, const EvaluateOptions& o)
-    : machine_(machine), source_(source), judge_(machine.host(), source, o.common),
-      test_photos_(test_photos_of(source.capture)), views_(shown_views(source, test_photos_, o.views)) {
-    check_value(!test_photos_.empty(), source.capture.name,
+Evaluator::Evaluator(Machine& machine, const ReconstructionInput& input, const EvaluateOptions& o)
+    : machine_(machine), input_(input), judge_(judge_for(machine.host(), input, o.common)),
+      test_photos_(test_photos_of(input.capture)), views_(shown_views(input, test_photos_, o.views)) {
+    check_value(!test_photos_.empty(), input.capture.name,
                 "has no test views; give a camera the role test, or list test_frames");
 }
 
@@ -146,12 +149,12 @@ void Evaluator::check(const Run& run) const {
     if (!run.scene) return;
     const StaticSource scene = scene_of(run);
     check_value(scene.training.size() > 1 && !scene.test.empty(), "static",
-                "needs two training cameras and a test camera; " + source_.capture.name + " has " +
+                "needs two training cameras and a test camera; " + input_.capture.name + " has " +
                     std::to_string(scene.training.size()) + " and " + std::to_string(scene.test.size()));
 }
 
 StaticSource Evaluator::scene_of(const Run& run) const {
-    StaticSource scene = static_source(source_.capture, run.options.frame);
+    StaticSource scene = static_source(input_.capture, run.options.frame);
     char frame[16];
     std::snprintf(frame, sizeof frame, "_%04zu", run.options.frame);
     for (auto* photos : {&scene.training, &scene.test})
@@ -181,14 +184,15 @@ bool Evaluator::judge(Trained& trained, const std::vector<Photo>& photos, const 
     for (const RegionMean& region : mean_regions(scores)) mark.regions.push_back(region.psnr);
     if (split) mark.motion = seen_and_new(scores, *split);
     const std::vector<PersonMean> people = mean_people(scores);
-    for (std::size_t p = 0; p < people.size(); ++p) mark.people.push_back({source_.people[p].name, people[p]});
+    for (std::size_t p = 0; p < people.size(); ++p) mark.people.push_back({input_.people[p].name, people[p]});
     return !interrupted;
 }
 
 bool Evaluator::evaluate_avatar(const Run& run, EvaluationFolder& folder, const std::string& title) {
-    const auto made =
-        make_reconstruction(machine_, make_setup(machine_, source_, run.configuration, run.options));
-    Reconstruction& reconstruction = *made;
+    const Recipe recipe = recipe_of(run.options, run.configuration);
+    const auto made = make_reconstruction(machine_, make_setup(machine_, input_, recipe));
+    AnyReconstruction& reconstruction = *made;
+    for (const std::string& warning : reconstruction.setup.warnings) warn(warning);
     const ReconstructionSetup& setup = reconstruction.setup;
     folder.add(run);
     TrainingRecord record;
@@ -201,15 +205,15 @@ bool Evaluator::evaluate_avatar(const Run& run, EvaluationFolder& folder, const 
     for (const std::uint64_t goal : goals) {
         if (std::any_of(result.marks.begin(), result.marks.end(), [&](const Mark& mark) { return mark.steps == goal; }))
             continue;
-        if (timed || record.steps < goal) train(reconstruction, run.options, record, title, goal);
+        if (timed || record.steps < goal) train_shown(reconstruction, recipe, run.options, record, title, goal);
         if (interrupted) return false;
         const bool last = goal == goals.back();
         if (last) result.cost = cost_of_run(reconstruction, record);
         (void)reconstruction.fill_unseen();
-        if (run.options.refine && !reconstruction.refine_test_poses()) return false;
+        if (run.options.refine && !reconstruction.refine_test_poses(shown_progress())) return false;
         Mark mark{.steps = record.steps, .seconds = record.seconds, .after = after(run, record.steps)};
-        mark.protocol = protocol_of(run.options, source_, setup, judge_) + " " +
-                        training_protocol(run, record.steps, machine_);
+        mark.protocol =
+            protocol_of(run.options, input_, setup, judge_) + " " + training_protocol(run, record.steps, machine_);
         const bool judged =
             judge(reconstruction, test_photos_, setup.motion_split, mark, last ? &out : nullptr, result);
         if (run.options.refine) reconstruction.end_test_refinement();

@@ -4,9 +4,8 @@
 
 #include "support/evaluation_pictures.hpp"
 #include "support/evaluation_result.hpp"
-#include "support/judgement.hpp"
+#include "support/load_input.hpp"
 #include "support/output_folder.hpp"
-#include "support/source.hpp"
 
 #include <gsh/pipeline/photo.hpp>
 #include <gsh/train/evaluation.hpp>
@@ -24,11 +23,11 @@ struct EvaluateOptions;
 struct Run;
 struct StaticSource;
 
-/// Trains and evaluates runs on one source. Source and machine must outlive it.
+/// Trains and evaluates runs on one input. Input and machine must outlive it.
 class Evaluator {
 public:
     /// Errors  ValueError for a capture without test views.
-    Evaluator(Machine& machine, const Source& source, const EvaluateOptions& o);
+    Evaluator(Machine& machine, const ReconstructionInput& input, const EvaluateOptions& o);
 
     [[nodiscard]] const std::vector<Photo>& test_photos() const { return test_photos_; }
     [[nodiscard]] const std::vector<ShownView>& views() const { return views_; }
@@ -53,8 +52,8 @@ private:
     [[nodiscard]] StaticSource scene_of(const Run& run) const;
 
     Machine& machine_;
-    const Source& source_;
-    Judge judge_;
+    const ReconstructionInput& input_;
+    Judge<cpu::Threads> judge_;
     std::vector<Photo> test_photos_;
     std::vector<ShownView> views_;
 };

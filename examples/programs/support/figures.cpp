@@ -18,13 +18,6 @@ Json number_or_null(double value) {
     return std::isfinite(value) ? Json(value) : Json(nullptr);
 }
 
-std::string fixed(double value, int digits) {
-    if (std::isnan(value)) return "none";
-    char text[32];
-    std::snprintf(text, sizeof text, "%.*f", digits, value);
-    return text;
-}
-
 std::string mebibytes(std::uint64_t bytes) {
     return fixed(static_cast<double>(bytes) / (1 << 20), 0) + " MiB";
 }
@@ -111,17 +104,6 @@ std::vector<std::vector<std::string>> motion_rows(const SeenAndNew& figures) {
     add(1, figure_cells(figures.seen.mean, figures.seen.regions, lpips), std::to_string(figures.seen.images));
     add(2, figure_cells(figures.unseen.mean, figures.unseen.regions, lpips), std::to_string(figures.unseen.images));
     return rows;
-}
-
-std::string frames_text(const std::vector<std::size_t>& frames) {
-    std::string text;
-    for (std::size_t begin = 0, end = 0; begin < frames.size(); begin = end) {
-        end = begin + 1;
-        while (end < frames.size() && frames[end] == frames[end - 1] + 1) ++end;
-        text += (text.empty() ? "" : ", ") + std::to_string(frames[begin]);
-        if (end - begin > 1) text.append("-").append(std::to_string(frames[end - 1]));
-    }
-    return text;
 }
 
 void write_json(const std::filesystem::path& path, const Json& json) {

@@ -4,6 +4,7 @@
 
 #include "support/backend_option.hpp"
 
+#include <gsh/core/message.hpp>
 #include <gsh/train/evaluation.hpp>
 
 #include <nlohmann/json.hpp>
@@ -26,8 +27,8 @@ std::vector<std::string> region_names();
 /// The number, or null for infinity (the PSNR of equal images) and NaN (a mean without images), which JSON lacks.
 Json number_or_null(double value);
 
-/// "12.35" for 2 digits; "none" for NaN.
-std::string fixed(double value, int digits);
+using gsh::detail::fixed;
+using gsh::detail::frames_text;
 
 /// Figures of one of several people: of one image, or their mean.
 template <class Score>
@@ -76,9 +77,6 @@ std::vector<std::string> figure_cells(const ImageScore& mean, const std::vector<
 
 /// Two rows, seen motion and new motion, below their heading.
 std::vector<std::vector<std::string>> motion_rows(const SeenAndNew& figures);
-
-/// Frames as text: "22-29", "0, 3-5".
-std::string frames_text(const std::vector<std::size_t>& frames);
 
 /// Writes JSON to a file. Bytes that are not UTF-8, as in names of files and folders, are replaced.
 void write_json(const std::filesystem::path& path, const Json& json);

@@ -7,7 +7,9 @@
 #include <string>
 
 namespace gsh {
+class AnyReconstruction;
 struct PixelFilter;
+struct ReconstructionSetup;
 namespace cuda {
 class Device;
 }
@@ -17,10 +19,8 @@ struct GaussianCloud;
 
 namespace gsh::examples {
 
-class Reconstruction;
 class Renderer;
 class StaticReconstruction;
-struct ReconstructionSetup;
 struct ShownPeople;
 struct StaticSetup;
 
@@ -36,7 +36,7 @@ std::uint64_t peak_memory_of(const cuda::Device& gpu);
 
 /// What make_reconstruction, make_static_reconstruction and make_renderer return for a machine with a GPU. `gpu` must
 /// outlive the result, and so must what make_… requires to.
-std::unique_ptr<Reconstruction> reconstruction_on(cuda::Device& gpu, ReconstructionSetup&& setup);
+std::unique_ptr<AnyReconstruction> reconstruction_on(cuda::Device& gpu, ReconstructionSetup&& setup);
 std::unique_ptr<StaticReconstruction> static_reconstruction_on(cuda::Device& gpu, StaticSetup&& setup);
 std::unique_ptr<Renderer> renderer_on(cuda::Device& gpu, const ShownPeople& people);
 std::unique_ptr<Renderer> renderer_on(cuda::Device& gpu, const GaussianCloud<float>& scene,

@@ -4,30 +4,27 @@
 #include "support/gpu.hpp"
 #include "support/machine.hpp"
 #include "support/rasterizer.hpp"
-#include "support/reconstruction_on.hpp"
+#include "support/shown_progress.hpp"
 
 #include <gsh/cpu.hpp>
+#include <gsh/reconstruct/reconstruction.hpp>
+#include <gsh/reconstruct/register_people.hpp>
 
 #include <utility>
 
 namespace gsh::examples {
 
-std::unique_ptr<Reconstruction> make_reconstruction(Machine& machine, ReconstructionSetup setup) {
-    if (machine.has_gpu()) return reconstruction_on(*machine.gpu(), std::move(setup));
-    return std::make_unique<ReconstructionOn<cpu::Threads>>(machine.host(), std::move(setup));
+void register_shown(Machine& machine, ReconstructionInput& input, const Recipe& recipe) {
+    register_people(machine.host(), input, recipe, shown_progress());
 }
 
-void TrainingRecord::add(const StepValues& values) {
-    if (values.step != 1 && values.step % interval != 0) return;
-    loss.emplace_back(static_cast<double>(values.step), values.loss);
-    psnr.emplace_back(static_cast<double>(values.step), values.psnr);
-    constexpr std::size_t most = 600;
-    if (loss.size() < most) return;
-    interval *= 2;
-    for (auto* curve : {&loss, &psnr})
-        std::erase_if(*curve, [&](const auto& point) {
-            return point.first != 1 && static_cast<std::uint64_t>(point.first) % interval != 0;
-        });
+ReconstructionSetup make_setup(Machine& machine, const ReconstructionInput& input, const Recipe& recipe) {
+    return gsh::make_setup(machine.host(), input, recipe, shown_progress(), machine.has_gpu());
+}
+
+std::unique_ptr<AnyReconstruction> make_reconstruction(Machine& machine, ReconstructionSetup setup) {
+    if (machine.has_gpu()) return reconstruction_on(*machine.gpu(), std::move(setup));
+    return std::make_unique<Reconstruction<cpu::Threads>>(machine.host(), std::move(setup));
 }
 
 } // namespace gsh::examples

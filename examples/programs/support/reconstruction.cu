@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "support/gpu.hpp"
-#include "support/reconstruction_on.hpp"
 
 #include <gsh/cuda.cuh>
+#include <gsh/reconstruct/reconstruction.hpp>
 
 #include <utility>
 
 namespace gsh::examples {
 
-std::unique_ptr<Reconstruction> reconstruction_on(cuda::Device& gpu, ReconstructionSetup&& setup) {
-    return std::make_unique<ReconstructionOn<cuda::Device>>(gpu, std::move(setup));
+std::unique_ptr<AnyReconstruction> reconstruction_on(cuda::Device& gpu, ReconstructionSetup&& setup) {
+    return std::make_unique<Reconstruction<cuda::Device>>(gpu, std::move(setup));
 }
 
 } // namespace gsh::examples

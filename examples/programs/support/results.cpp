@@ -4,28 +4,26 @@
 #include "support/figures.hpp"
 #include "support/help.hpp"
 #include "support/interrupts.hpp"
-#include "support/judgement.hpp"
+#include "support/load_input.hpp"
 #include "support/machine.hpp"
 #include "support/messages.hpp"
 #include "support/pictures.hpp"
 #include "support/progress.hpp"
-#include "support/reconstruction.hpp"
 #include "support/renderer.hpp"
 #include "support/report.hpp"
 #include "support/shown_people.hpp"
-#include "support/source.hpp"
+#include "support/shown_progress.hpp"
 #include "support/turn.hpp"
 #include "support/verdict.hpp"
 
 #include <gsh/body/joint_error.hpp>
 #include <gsh/core/ordered_indices.hpp>
-#include <gsh/io/file/archive.hpp>
 #include <gsh/io/file/atomic_file.hpp>
 #include <gsh/io/image/image_file.hpp>
 #include <gsh/io/model/avatar_file.hpp>
-#include <gsh/io/model/checkpoint.hpp>
 #include <gsh/io/motion/motion_file.hpp>
 #include <gsh/io/splat/ply.hpp>
+#include <gsh/loss/cpu/lpips.hpp>
 
 #include <algorithm>
 #include <array>
@@ -42,39 +40,6 @@
 namespace gsh::examples {
 
 namespace {
-
-/// What a checkpoint belongs to, one item per line: the run, and the number of Gaussians that it uses.
-std::string checkpoint_text(const ReconstructionSetup& setup) {
-    return setup.run + "gaussians = " + std::to_string(setup.gaussian_count()) + "\n";
-}
-
-/// A message with the first line in which two texts differ.
-std::string difference(const std::string& there, const std::string& here) {
-    std::istringstream a(there), b(here);
-    std::string of_a, of_b;
-    do {
-        if (!std::getline(a, of_a)) of_a = "nothing";
-        if (!std::getline(b, of_b)) of_b = "nothing";
-    } while (of_a == of_b && (a || b));
-    return "it has '" + of_a + "' where this run has '" + of_b + "'";
-}
-
-/// Opens the checkpoint of a run that is resumed.
-/// Errors  IoError without a file; those of the file.
-ArchiveReader open_checkpoint(const ReconstructOptions& o) {
-    std::error_code ignored;
-    if (!std::filesystem::exists(checkpoint_path(o), ignored))
-        throw IoError(checkpoint_path(o).string() + ": there is nothing to resume; leave out --resume to begin");
-    return ArchiveReader(checkpoint_path(o), "checkpoint", checkpoint_version);
-}
-
-void check_run(const ReconstructOptions& o, const std::string& there, const std::string& here) {
-    check_value(there == here, checkpoint_path(o).string(),
-                "belongs to a different run: " + difference(there, here) +
-                    "; leave out what --resume takes from the checkpoint: --config, --set, --gaussians, --refine, "
-                    "--no-registration, --fine-registration, --keypoints, --regions, --priors, --hold-out-motion and "
-                    "--poses");
-}
 
 /// The name of a result file: "avatar" for one person, "avatar-NAME" for one of several.
 std::string result_name(const ReconstructionSetup& setup, const std::string& what, std::size_t person) {
@@ -98,89 +63,45 @@ std::filesystem::path checkpoint_path(const ReconstructOptions& o) {
     return o.out / "checkpoint.gsh";
 }
 
-void save_checkpoint(const ReconstructOptions& o, Reconstruction& reconstruction, const TrainingRecord& record) {
-    ArchiveWriter file(checkpoint_path(o), "checkpoint", checkpoint_version);
-    reconstruction.save(file);
-    file.add_text("configuration", checkpoint_text(reconstruction.setup));
-    if (!o.given.empty()) file.add_text("options", o.given);
-    file.add("seconds", record.seconds);
-    file.add("interval", record.interval);
-    const auto add_curve = [&](const char* key, const auto& curve) {
-        std::vector<double> numbers;
-        for (const auto& [step, value] : curve) numbers.insert(numbers.end(), {step, value});
-        file.add(key, numbers, {curve.size(), 2});
-    };
-    add_curve("loss", record.loss);
-    add_curve("psnr", record.psnr);
-    file.add("stage_seconds", std::vector<double>(record.stage_seconds.begin(), record.stage_seconds.end()));
-    file.add("timed_steps", record.timed_steps);
-    file.commit();
+void check_resumable(const ReconstructOptions& o) {
+    std::error_code ignored;
+    if (!std::filesystem::exists(checkpoint_path(o), ignored))
+        throw IoError(checkpoint_path(o).string() + ": there is nothing to resume; leave out --resume to begin");
 }
 
-std::string checkpoint_options(const ReconstructOptions& o) {
-    const ArchiveReader file = open_checkpoint(o);
-    return file.has("options") ? file.read_text("options") : std::string();
-}
-
-void check_checkpoint(const ReconstructOptions& o, const std::string& run) {
-    std::string there = open_checkpoint(o).read_text("configuration");
-    if (const std::size_t line = there.rfind("gaussians = "); line != std::string::npos) there.resize(line);
-    check_run(o, there, run);
-}
-
-void load_checkpoint(const ReconstructOptions& o, Reconstruction& reconstruction, TrainingRecord& record) {
-    const ArchiveReader file = open_checkpoint(o);
-    check_run(o, file.read_text("configuration"), checkpoint_text(reconstruction.setup));
-    reconstruction.load(file);
-    record.steps = reconstruction.step_count();
-    record.seconds = file.read_number<double>("seconds");
-    record.interval = file.read_number<std::uint64_t>("interval");
-    const auto read_curve = [&](const char* key, auto& curve) {
-        const auto numbers = file.read<double>(key);
-        for (std::size_t i = 0; i + 1 < numbers.size(); i += 2) curve.emplace_back(numbers[i], numbers[i + 1]);
-    };
-    read_curve("loss", record.loss);
-    read_curve("psnr", record.psnr);
-    if (!file.has("stage_seconds")) return; // a file of an older version
-    const auto stages = file.read<double>("stage_seconds");
-    check_size(checkpoint_path(o).string(), "stage_seconds", stages.size(), record.stage_seconds.size());
-    for (std::size_t s = 0; s < stages.size(); ++s) record.stage_seconds[s] = stages[s];
-    record.timed_steps = file.read_number<std::uint64_t>("timed_steps");
-}
-
-std::string measures_of(const Judge& judge) {
+std::string measures_of(const Judge<cpu::Threads>& judge) {
     return "full image, range 1, unquantised; SSIM 11x11 Gaussian, sigma 1.5, borders cropped; the person "
            "is where the true alpha exceeds 1/2; regions are where the body shows them in the poses as given or "
            "registered, images with 50 pixels or more." +
            judge.lpips_protocol();
 }
 
-std::string protocol_of(const ReconstructOptions& o, const Source& source, const ReconstructionSetup& setup,
-                        const Judge& judge) {
+std::string protocol_of(const ReconstructOptions& o, const ReconstructionInput& input, const ReconstructionSetup& setup,
+                        const Judge<cpu::Threads>& judge) {
     const Configuration& configuration = setup.configuration;
-    const std::string background =
-        !source.capture.backgrounds.empty()     ? "the capture's backgrounds in training and test"
-        : configuration.train.random_background ? "a random background each step in training, white in test"
-                                                : "white background in training and test";
-    return "Test views of " + source.capture.name + " (" + std::to_string(setup.test_photos.size()) +
+    const std::string background = !input.capture.backgrounds.empty() ? "the capture's backgrounds in training and test"
+                                   : configuration.train.random_background
+                                       ? "a random background each step in training, white in test"
+                                       : "white background in training and test";
+    return "Test views of " + input.capture.name + " (" + std::to_string(setup.test_photos.size()) +
            " images), poses of " + poses_text(o) +
-           (source.registration ? ", registered to the training images before training" : "") +
+           (input.registration ? ", registered to the training images before training" : "") +
            (!o.refine                  ? ", as given, not refined"
             : configuration.test_steps ? ", refined in training and fitted to the test images at test time"
                                        : ", refined in training, not fitted to the test images") +
            (o.priors.empty() ? "" : ", geometric priors of " + o.priors.filename().string()) + ", " + background +
            ", " + measures_of(judge) +
-           (source.people.size() > 1
+           (input.people.size() > 1
                 ? " People are judged apart where person_masks show them, else where their body is in front "
                   "(clothes and hair go to the nearest)."
                 : "") +
-           (setup.motion_split ? hold_out_protocol(source.capture, *setup.motion_split) : "");
+           (setup.motion_split ? hold_out_protocol(input.capture, *setup.motion_split) : "");
 }
 
 namespace {
 
 /// Writes each person's avatar, for gsh and for viewers of splats, and returns them.
-std::vector<AvatarData> write_avatars(OutputFolder& out, Reconstruction& reconstruction) {
+std::vector<AvatarData> write_avatars(OutputFolder& out, AnyReconstruction& reconstruction) {
     std::vector<AvatarData> avatars = reconstruction.avatars();
     for (std::size_t p = 0; p < avatars.size(); ++p) {
         const std::string name = result_name(reconstruction.setup, "avatar", p);
@@ -198,7 +119,7 @@ Picture shown_picture(const std::string& caption, const Image<float>& picture) {
 }
 
 /// The avatars from all around, in the pose of the first photograph.
-Picture turn_of(Machine& machine, const Reconstruction& reconstruction, std::vector<AvatarData> avatars) {
+Picture turn_of(Machine& machine, const AnyReconstruction& reconstruction, std::vector<AvatarData> avatars) {
     const ReconstructionSetup& setup = reconstruction.setup;
     std::vector<Motion> motions;
     for (std::size_t p = 0; p < setup.people.size(); ++p)
@@ -220,7 +141,8 @@ std::size_t typical_image(const std::vector<ImageScore>& scores, double psnr_per
 }
 
 /// Adds the gains that photographs have learned to the figures, the page and the findings.
-void add_gains(const Reconstruction& reconstruction, Json& json, Report& report, std::vector<std::string>& findings) {
+void add_gains(const AnyReconstruction& reconstruction, Json& json, Report& report,
+               std::vector<std::string>& findings) {
     if (reconstruction.setup.configuration.train.gain.rate == 0) return;
     const std::vector<std::array<double, 3>> gains = reconstruction.photo_gains();
     Curve exposure{
@@ -248,7 +170,7 @@ void add_gains(const Reconstruction& reconstruction, Json& json, Report& report,
 }
 
 /// Adds how far each person's joints moved while the avatar learned.
-void add_moved_poses(const Reconstruction& reconstruction, Json& json, Report& report,
+void add_moved_poses(const AnyReconstruction& reconstruction, Json& json, Report& report,
                      std::vector<std::string>& findings) {
     const std::vector<ReconstructionSetup::Person>& people = reconstruction.setup.people;
     for (std::size_t p = 0; p < people.size(); ++p) {
@@ -322,10 +244,10 @@ void add_registration(const RegistrationSummary& registration, Json& json, Repor
 } // namespace
 
 std::optional<TestFigures> write_results(OutputFolder& out, const ReconstructOptions& o, Machine& machine,
-                                         const Source& source, Reconstruction& reconstruction,
+                                         const ReconstructionInput& input, AnyReconstruction& reconstruction,
                                          const TrainingRecord& record) {
     const ReconstructionSetup& setup = reconstruction.setup;
-    Judge judge(machine.host(), source, o);
+    Judge<cpu::Threads> judge = judge_for(machine.host(), input, o);
     reconstruction.release_memory();
     std::optional<Progress> work(std::in_place, "writing the avatar");
     const std::vector<std::size_t> unseen = reconstruction.fill_unseen();
@@ -334,7 +256,7 @@ std::optional<TestFigures> write_results(OutputFolder& out, const ReconstructOpt
     report.turn = turn_of(machine, reconstruction, write_avatars(out, reconstruction));
     work.reset();
     const std::size_t people = setup.people.size();
-    if (o.refine && !reconstruction.refine_test_poses()) return std::nullopt;
+    if (o.refine && !reconstruction.refine_test_poses(shown_progress())) return std::nullopt;
     out.own("test");
     std::vector<ImageScore> scores;
     constexpr std::size_t shown = 6; // number of pictures on the page; test/ has all of them
@@ -379,7 +301,7 @@ std::optional<TestFigures> write_results(OutputFolder& out, const ReconstructOpt
     for (std::size_t p = 0; o.refine && p < people; ++p)
         save_motion(out.file(result_name(setup, "poses_refined", p) + ".npz"), reconstruction.refined_motion(p));
 
-    const std::string protocol = protocol_of(o, source, setup, judge);
+    const std::string protocol = protocol_of(o, input, setup, judge);
     Json json;
     json["psnr"] = number_or_null(mean.psnr);
     json["ssim"] = number_or_null(mean.ssim);
@@ -442,7 +364,7 @@ std::optional<TestFigures> write_results(OutputFolder& out, const ReconstructOpt
         known.seen_motion = figures.motion->seen.mean.psnr_person;
         known.new_motion = figures.motion->unseen.mean.psnr_person;
     }
-    if (source.registration) known.doubtful_frames = source.registration->doubtful_frames;
+    if (input.registration) known.doubtful_frames = input.registration->doubtful_frames;
     const Verdict verdict = verdict_of(known);
     figures.findings.insert(figures.findings.begin(), verdict.headline);
     json["verdict"] = verdict.headline;
@@ -459,7 +381,7 @@ std::optional<TestFigures> write_results(OutputFolder& out, const ReconstructOpt
                    {"Render it in a motion of your own (BVH, glTF, VRM, AMASS, and others):",
                     "gsh-animate" + files + (people > 1 ? " --poses MOTION …" : " --poses MOTION") + " --out FRAMES"}};
 
-    report.title = "Avatar of " + source.capture.name;
+    report.title = "Avatar of " + input.capture.name;
     report.protocol = protocol;
     report.facts = {
         {"PSNR on the person", fixed(mean.psnr_person, 2) + " dB",
@@ -485,7 +407,7 @@ std::optional<TestFigures> write_results(OutputFolder& out, const ReconstructOpt
                       fixed(1 - ssim_weight, 2) + " L1 + " + fixed(ssim_weight, 2) + " (1 - SSIM)", record.loss},
                      {"PSNR of the step's training view", "dB", record.psnr}};
     add_gains(reconstruction, json, report, figures.findings);
-    if (source.registration) add_registration(*source.registration, json, report, figures.findings);
+    if (input.registration) add_registration(*input.registration, json, report, figures.findings);
     if (o.refine) add_moved_poses(reconstruction, json, report, figures.findings);
     add_unseen(setup, unseen, json, report, figures.findings);
     write_report(out.file("report.html"), report);

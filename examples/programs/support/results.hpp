@@ -6,57 +6,52 @@
 #include "support/output_folder.hpp"
 #include "support/reconstruct_options.hpp"
 
+#include <gsh/backend/threads.hpp>
+#include <gsh/reconstruct/any_reconstruction.hpp>
+#include <gsh/reconstruct/input.hpp>
+#include <gsh/reconstruct/judge.hpp>
+#include <gsh/reconstruct/resume.hpp>
+#include <gsh/reconstruct/training_record.hpp>
 #include <gsh/train/evaluation.hpp>
 
 #include <filesystem>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 namespace gsh::examples {
 
-class Judge;
 class Machine;
-class Reconstruction;
-struct ReconstructionSetup;
-struct Source;
-struct TrainingRecord;
 
 std::filesystem::path checkpoint_path(const ReconstructOptions& o);
 
-void save_checkpoint(const ReconstructOptions& o, Reconstruction& reconstruction, const TrainingRecord& record);
+/// Errors  IoError if there is no checkpoint to resume.
+void check_resumable(const ReconstructOptions& o);
 
-/// ReconstructOptions::given of the run that wrote the checkpoint; empty if a version wrote it that did not store them.
-/// Errors  IoError if there is no checkpoint to resume; those of the file.
-std::string checkpoint_options(const ReconstructOptions& o);
-
-/// Checks that the checkpoint belongs to a run (run_text), except for the number of Gaussians, which is not known before
-/// they are placed.
-/// Errors  as for load_checkpoint.
-void check_checkpoint(const ReconstructOptions& o, const std::string& run);
-
-/// A checkpoint of any backend fits.
-/// Errors  ValueError for a checkpoint of another configuration or of other people; else those of the file.
-void load_checkpoint(const ReconstructOptions& o, Reconstruction& reconstruction, TrainingRecord& record);
+/// The end of a message about a checkpoint of another run.
+inline constexpr std::string_view resume_advice =
+    "; leave out what --resume takes from the checkpoint: --config, --set, --gaussians, --refine, --no-registration, "
+    "--fine-registration, --keypoints, --regions, --priors, --hold-out-motion and --poses";
 
 /// A text that describes the measures.
-std::string measures_of(const Judge& judge);
+std::string measures_of(const Judge<cpu::Threads>& judge);
 
 /// A text that describes how the figures were obtained.
-std::string protocol_of(const ReconstructOptions& o, const Source& source, const ReconstructionSetup& setup,
-                        const Judge& judge);
+std::string protocol_of(const ReconstructOptions& o, const ReconstructionInput& input, const ReconstructionSetup& setup,
+                        const Judge<cpu::Threads>& judge);
 
 /// Means over the test views.
 struct TestFigures {
     ImageScore mean;
-    std::optional<SeenAndNew> motion; ///< with --hold-out-motion
+    std::optional<SeenAndNew> motion;  ///< with --hold-out-motion
     std::vector<std::string> findings; ///< what training found out about the input, for the user
 };
 
 /// Evaluates the avatar on the test views and writes all files. metrics.json is the last one: if it exists, all files
 /// are complete. After an interrupt it returns nothing and leaves no files.
 std::optional<TestFigures> write_results(OutputFolder& out, const ReconstructOptions& o, Machine& machine,
-                                         const Source& source, Reconstruction& reconstruction,
+                                         const ReconstructionInput& input, AnyReconstruction& reconstruction,
                                          const TrainingRecord& record);
 
 } // namespace gsh::examples

@@ -10,7 +10,6 @@
 #include "support/progress.hpp"
 #include "support/rasterizer.hpp"
 #include "support/static_reconstruction_on.hpp"
-#include "support/training.hpp"
 
 #include <gsh/core/error.hpp>
 #include <gsh/core/rng.hpp>
@@ -20,6 +19,7 @@
 #include <gsh/io/capture/colmap.hpp>
 #include <gsh/io/capture/colmap_image.hpp>
 #include <gsh/io/splat/ply.hpp>
+#include <gsh/reconstruct/train.hpp>
 #include <gsh/train/static_configuration.hpp>
 
 #include <algorithm>

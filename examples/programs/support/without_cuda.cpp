@@ -24,7 +24,7 @@ std::string name_of(const cuda::Device&) {
 std::uint64_t peak_memory_of(const cuda::Device&) {
     refuse_cuda();
 }
-std::unique_ptr<Reconstruction> reconstruction_on(cuda::Device&, ReconstructionSetup&&) {
+std::unique_ptr<AnyReconstruction> reconstruction_on(cuda::Device&, ReconstructionSetup&&) {
     refuse_cuda();
 }
 std::unique_ptr<StaticReconstruction> static_reconstruction_on(cuda::Device&, StaticSetup&&) {

@@ -3,11 +3,13 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <cstdio>
 #include <string>
 #include <string_view>
+#include <vector>
 
 namespace gsh::detail {
 
@@ -63,6 +65,26 @@ template <class Names>
 [[nodiscard]] inline std::string number_text(double value) {
     char text[32];
     std::snprintf(text, sizeof text, "%.6g", value);
+    return text;
+}
+
+/// A number with a fixed count of digits behind the point: "12.35" for 2; "none" for NaN.
+[[nodiscard]] inline std::string fixed(double value, int digits) {
+    if (std::isnan(value)) return "none";
+    char text[32];
+    std::snprintf(text, sizeof text, "%.*f", digits, value);
+    return text;
+}
+
+/// Numbers of frames, in ascending order, as spans: "22-29", "0, 3-5".
+[[nodiscard]] inline std::string frames_text(const std::vector<std::size_t>& frames) {
+    std::string text;
+    for (std::size_t begin = 0, end = 0; begin < frames.size(); begin = end) {
+        end = begin + 1;
+        while (end < frames.size() && frames[end] == frames[end - 1] + 1) ++end;
+        text += (text.empty() ? "" : ", ") + std::to_string(frames[begin]);
+        if (end - begin > 1) text.append("-").append(std::to_string(frames[end - 1]));
+    }
     return text;
 }
 

@@ -2,15 +2,17 @@
 /// @file  A reconstruction on a backend. A file that includes it also includes the backend's overloads.
 #pragma once
 
-#include "support/interrupts.hpp"
-#include "support/progress.hpp"
-#include "support/reconstruction.hpp"
-
 #include <gsh/backend/backend.hpp>
 #include <gsh/backend/serial.hpp>
 #include <gsh/io/model/checkpoint.hpp>
 #include <gsh/pipeline/configured_avatar.hpp>
 #include <gsh/pipeline/reduced_photos.hpp>
+#include <gsh/reconstruct/any_reconstruction.hpp>
+#include <gsh/reconstruct/input.hpp>
+#include <gsh/reconstruct/observer.hpp>
+#include <gsh/reconstruct/recipe.hpp>
+#include <gsh/reconstruct/register_people.hpp>
+#include <gsh/reconstruct/setup.hpp>
 #include <gsh/train/avatar_export.hpp>
 #include <gsh/train/avatar_scene.hpp>
 #include <gsh/train/frozen_scene.hpp>
@@ -31,14 +33,32 @@
 #include <utility>
 #include <vector>
 
-namespace gsh::examples {
+namespace gsh {
 
+/// The reconstruction of one person or several on a backend: models, scene, trainer, refinement.
+///
+/// Train it by train() (reconstruct/train.hpp), or step by step; then fill_unseen(), and avatars() are ready for files.
 template <Backend B>
-class ReconstructionOn final : public Reconstruction {
+class Reconstruction final : public AnyReconstruction {
 public:
-    /// `backend` must outlive this object.
-    ReconstructionOn(B& backend, ReconstructionSetup made)
-        : ReconstructionOn(backend, taken_priors(made), std::move(made)) {}
+    /// Of a setup that is made. The backend must outlive this object, and so must the input of the setup.
+    Reconstruction(B& backend, ReconstructionSetup made)
+        : Reconstruction(backend, taken_priors(made), std::move(made)) {}
+
+    /// Of a capture and its people. Does all that comes before the first step on `host`: registers poses (with
+    /// recipe.refine), places Gaussians, estimates the light. Both backends must outlive this object.
+    ///
+    /// Errors  those of check_input, register_people and make_setup.
+    template <CpuBackend H>
+    Reconstruction(B& backend, H& host, ReconstructionInput input, const Recipe& recipe, const Observer& observer = {})
+        : Reconstruction(backend, host, std::make_unique<ReconstructionInput>(std::move(input)), recipe, observer) {}
+    /// The same where the backend is the host.
+    Reconstruction(B& backend, ReconstructionInput input, const Recipe& recipe, const Observer& observer = {})
+        requires CpuBackend<B>
+        : Reconstruction(backend, backend, std::move(input), recipe, observer) {}
+
+    /// The input that this object was made of, with registered motions; null if it was made of a setup.
+    [[nodiscard]] const ReconstructionInput* input() const { return input_.get(); }
 
     void step(double progress) override { trainer_.step(progress, timer_); }
     void settle() override {
@@ -71,7 +91,7 @@ public:
         for (Person& person : people_) person.model.end_fill();
     }
 
-    bool refine_test_poses() override;
+    bool refine_test_poses(const Observer& observer = {}) override;
     void end_test_refinement() override {
         for (std::size_t p = 0; p < people_.size(); ++p) scene_.refine(*people_[p].refinement, p);
     }
@@ -120,11 +140,27 @@ private:
     };
     using PriorsOfPeople = std::vector<CanonicalPriors>;
 
-    ReconstructionOn(B& backend, const PriorsOfPeople& priors, ReconstructionSetup&& made)
-        : Reconstruction(std::move(made)), backend_(&backend), scene_(backend, cast(priors)),
+    Reconstruction(B& backend, const PriorsOfPeople& priors, ReconstructionSetup&& made)
+        : AnyReconstruction(std::move(made)), backend_(&backend), scene_(backend, cast(priors)),
           trainer_(backend, scene_, setup.photos, setup.seed, setup.configuration.train), timer_(backend) {
         if (setup.light) light_people();
         if (setup.refinement) refine_people();
+    }
+
+    template <CpuBackend H>
+    Reconstruction(B& backend, H& host, std::unique_ptr<ReconstructionInput> input, const Recipe& recipe,
+                   const Observer& observer)
+        : Reconstruction(backend, setup_of(host, *input, recipe, observer)) {
+        input_ = std::move(input);
+    }
+    template <CpuBackend H>
+    static ReconstructionSetup setup_of(H& host, ReconstructionInput& input, const Recipe& recipe,
+                                        const Observer& observer) {
+        check_input(input);
+        if (recipe.refine && recipe.registration) register_people(host, input, recipe, observer);
+        ReconstructionSetup made = make_setup(host, input, recipe, observer, !B::host_memory);
+        take_photographs(made, input.capture);
+        return made;
     }
 
     /// The models have copies of the priors, which are large, so the setup gives its own away.
@@ -161,6 +197,7 @@ private:
         }
     }
 
+    std::unique_ptr<ReconstructionInput> input_; // plates and hidden pixels of the photographs are its own
     B* backend_;
     std::deque<Person> people_; // a deque: their addresses do not change
     Scene scene_;
@@ -169,7 +206,7 @@ private:
 };
 
 template <Backend B>
-std::vector<std::size_t> ReconstructionOn<B>::fill_unseen() {
+std::vector<std::size_t> Reconstruction<B>::fill_unseen() {
     std::vector<std::size_t> counts(people_.size(), 0);
     if (!setup.configuration.fill_unseen) return counts;
     std::vector<const SurfaceSamples*> samples;
@@ -190,7 +227,7 @@ std::vector<std::size_t> ReconstructionOn<B>::fill_unseen() {
 }
 
 template <Backend B>
-bool ReconstructionOn<B>::refine_test_poses() {
+bool Reconstruction<B>::refine_test_poses(const Observer& observer) {
     const Configuration& configuration = setup.configuration;
     for (std::size_t p = 0; p < people_.size(); ++p) {
         Person& person = people_[p];
@@ -206,16 +243,16 @@ bool ReconstructionOn<B>::refine_test_poses() {
                          .ssim_weight = configuration.train.ssim_weight,
                          .mask_weight = configuration.test_mask_weight,
                          .background = configuration.train.background,
-                         .stop = [] { return interrupted.load(); }};
+                         .stop = [&] { return observer.stopped(); }};
     PoseFit<B> fit(*backend_, configuration.train.filter, params);
     // What registration corrects for frames in training, each frame's own large errors, test frames still have.
     params.steps = (steps + 1) / 2, params.ssim_weight = 0;
     PoseFit<B> coarse_fit(*backend_, configuration.train.filter, params);
     cpu::Serial host;
-    Progress shown("fitting test poses");
+    const ObservedStage stage(observer, "fitting test poses");
     std::size_t done = 0;
     for (const std::size_t frame : frames) {
-        shown.show(static_cast<double>(done++) / static_cast<double>(frames.size()), "frame " + std::to_string(frame));
+        stage.tell(static_cast<double>(done++) / static_cast<double>(frames.size()), "frame " + std::to_string(frame));
         std::vector<Photo> photos;
         for (const Photo& photo : setup.test_photos)
             if (photo.frame == frame) photos.push_back(photo);
@@ -228,11 +265,11 @@ bool ReconstructionOn<B>::refine_test_poses() {
                 coarse_fit.fit(frozen, frame, reduced.photos());
             }
             fit.fit(frozen, frame, photos);
-            if (interrupted) return false;
+            if (observer.stopped()) return false;
         }
     }
-    shown.show(1, "done");
+    stage.tell(1, "done");
     return true;
 }
 
-} // namespace gsh::examples
+} // namespace gsh

@@ -1,0 +1,144 @@
+// SPDX-License-Identifier: Apache-2.0
+/// A capture becomes an avatar by the library alone: stages, stops, checkpoints, another backend, several people.
+#include "io/temporary.hpp"
+#include "reconstruct/small_people.hpp"
+#include "support/guarded.hpp"
+
+#include <gsh/core/error.hpp>
+#include <gsh/cpu.hpp>
+#include <gsh/reconstruct/reconstruction.hpp>
+#include <gsh/reconstruct/resume.hpp>
+#include <gsh/reconstruct/train.hpp>
+
+#include <doctest/doctest.h>
+
+#include <cstddef>
+#include <cstdint>
+#include <string>
+#include <utility>
+#include <vector>
+
+using namespace gsh;
+using test::small_input;
+using test::small_recipe;
+using Threads = Reconstruction<cpu::Threads>;
+
+namespace {
+
+void check_same(AnyReconstruction& a, AnyReconstruction& b) {
+    const std::vector<AvatarData> of_a = a.avatars(), of_b = b.avatars();
+    REQUIRE(of_a.size() == of_b.size());
+    for (std::size_t p = 0; p < of_a.size(); ++p) {
+        CHECK(of_a[p].gaussians.means == of_b[p].gaussians.means);
+        CHECK(of_a[p].gaussians.sh == of_b[p].gaussians.sh);
+        CHECK(of_a[p].gaussians.opacity_logits == of_b[p].gaussians.opacity_logits);
+        REQUIRE(of_a[p].light.has_value());
+        CHECK(of_a[p].light->log_intensities == of_b[p].light->log_intensities);
+    }
+    const Photo& photo = a.setup.test_photos.at(0);
+    CHECK(a.compare(photo).render.data == b.compare(photo).render.data);
+}
+
+} // namespace
+
+TEST_CASE("the default recipe trains a lit avatar, and reports each stage from its beginning to its end") {
+    cpu::Threads backend(2);
+    Recipe recipe = small_recipe();
+    recipe.refine = true, recipe.fine_registration = 1;
+    std::vector<std::string> told;
+    const Observer observer{.report = [&](const StageReport& report) {
+        const std::string text = report.stage + (report.over ? " over" : "");
+        if (told.empty() || told.back() != text) told.push_back(text);
+        if (report.share) CHECK((*report.share >= 0 && *report.share <= 1));
+    }};
+    Threads person(backend, small_input(), recipe, observer);
+    REQUIRE(person.input() != nullptr);
+    REQUIRE(person.input()->registration.has_value());
+    CHECK(person.input()->registration->frame_weights.size() == 2);
+    CHECK(person.setup.registered);
+    CHECK(person.setup.gaussian_count() == 200);
+
+    TrainingRecord record;
+    std::vector<double> shares;
+    train(person, recipe, record, {.progress = [&](double share) { shares.push_back(share); }});
+    CHECK(shares == std::vector<double>{0.25, 0.5, 0.75, 1});
+    CHECK(record.steps == 4);
+    CHECK(record.loss.size() == 1); // of the first step; the next sample is due at the tenth
+    CHECK(person.fill_unseen().size() == 1);
+    const AvatarData avatar = person.avatars().at(0);
+    CHECK(avatar.light.has_value());
+    CHECK(avatar.gaussians.size() == 200);
+    REQUIRE(person.refine_test_poses(observer));
+    CHECK(told == std::vector<std::string>{"registering poses", "registering poses over", "preparing the avatar",
+                                           "preparing the avatar over", "fitting test poses",
+                                           "fitting test poses over"});
+}
+
+TEST_CASE("a training that was stopped, or goes on from a checkpoint, ends with the same bits") {
+    cpu::Threads backend(2);
+    Recipe recipe = small_recipe(6);
+    recipe.refine = true, recipe.registration = false;
+    Threads whole(backend, small_input(), recipe), stopped(backend, small_input(), recipe);
+    TrainingRecord record, of_stopped;
+    train(whole, recipe, record);
+
+    const test::Temporary folder;
+    const auto path = folder / "checkpoint.gsh";
+    std::uint64_t steps = 0;
+    train(stopped, recipe, of_stopped,
+          {.progress = [&](double) { ++steps; },
+           .stop = [&] { return steps == 2; },
+           .checkpoint = [&] { save_checkpoint(path, stopped, of_stopped, "my words"); }});
+    CHECK(of_stopped.steps == 2);
+    CHECK(of_stopped.saved == 2);
+    CHECK(checkpoint_words(path) == "my words");
+    train(stopped, recipe, of_stopped);
+    check_same(whole, stopped);
+
+    Threads later(backend, small_input(), recipe);
+    check_checkpoint(path, later.setup.run);
+    TrainingRecord of_later = load_checkpoint(path, later);
+    CHECK(of_later.steps == 2);
+    CHECK(of_later.loss == record.loss);
+    train(later, recipe, of_later, {}, 4);
+    CHECK(of_later.steps == 4);
+    train(later, recipe, of_later);
+    check_same(whole, later);
+
+    Recipe other = recipe;
+    other.refine_cameras = true;
+    Threads of_another(backend, small_input(), other);
+    CHECK_THROWS_WITH_AS((void)load_checkpoint(path, of_another, "; begin again"),
+                         doctest::Contains("it has 'refine' where this run has 'refine, cameras too'; begin again"),
+                         ValueError);
+    CHECK_THROWS_WITH_AS((void)load_checkpoint(folder / "none.gsh", later), doctest::Contains("there is no checkpoint"),
+                         IoError);
+}
+
+TEST_CASE("two people on a backend whose memory the host cannot access have the bits of the threads") {
+    cpu::Threads host(2);
+    test::Guarded guarded;
+    const Recipe recipe = small_recipe(3);
+    Threads threads(host, small_input(2), recipe);
+    Reconstruction<test::Guarded> other(guarded, host, small_input(2), recipe);
+    TrainingRecord of_threads, of_other;
+    train(threads, recipe, of_threads);
+    train(other, recipe, of_other);
+    CHECK(of_threads.loss == of_other.loss);
+    REQUIRE(threads.setup.people.size() == 2);
+    CHECK(threads.setup.people[1].name == "bob");
+    CHECK(threads.setup.people[0].seed != threads.setup.people[1].seed);
+    check_same(threads, other);
+}
+
+TEST_CASE("the pixels of photographs are kept once, in the setup, and the motions are the given ones without refine") {
+    cpu::Threads backend(2);
+    const ReconstructionInput input = small_input();
+    const Threads person(backend, input, small_recipe());
+    CHECK(!person.setup.registered);
+    CHECK(!person.setup.refinement.has_value());
+    for (const PixelImage& image : person.input()->capture.images) CHECK(image.data.empty());
+    REQUIRE(person.setup.pixels.size() == person.setup.photos.size() + person.setup.test_photos.size());
+    CHECK(person.setup.photos[0].rgba.data() == person.setup.pixels[0].data());
+    CHECK(person.input()->people[0].motion.pose == input.people[0].motion.pose);
+}
