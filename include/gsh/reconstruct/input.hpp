@@ -28,8 +28,8 @@ namespace gsh {
 
 /// A capture, its people and their body models, from files or generated.
 ///
-/// Shapes  bodies: one for all people, or several; CapturePerson::body is an index into them. regions: one of each body,
-///         or none, so that face and hands are found on the body itself. priors: one of each person, or none.
+/// Shapes  bodies: one for all people, or several; CapturePerson::body is an index into them. regions: one of each
+///         body, or none, so that face and hands are found on the body itself. priors: one of each person, or none.
 ///         keypoints: of photographs for training, in any order; or none.
 struct ReconstructionInput {
     std::vector<BodyModel> bodies;
@@ -76,8 +76,8 @@ struct ReconstructionInput {
 }
 
 /// Checks that the parts of an input are of each other.
-/// Errors  ValueError without people; ShapeError for lists that are not one of each body, or one of each person, and for
-///         motions that are shorter or longer than the capture's.
+/// Errors  ValueError without people; ShapeError for lists that are not one of each body, or one of each person, and
+///         for motions that are shorter or longer than the capture's.
 inline void check_input(const ReconstructionInput& input) {
     constexpr std::string_view where = "ReconstructionInput";
     check_value(!input.people.empty(), where, "has no people");

@@ -84,8 +84,8 @@ struct ReconstructionSetup {
 /// Places the Gaussians of all people, and estimates the light. The input must outlive the result, because photographs
 /// are not copied. `on_device`: training runs on a device with memory of its own, to which recipe.max_memory applies.
 ///
-/// Errors  ValueError without photographs for training, for settings out of range, if recipe.max_memory is too small, or
-///         if the light cannot be estimated; those of make_canonical_setup and test_photos_of.
+/// Errors  ValueError without photographs for training, for settings out of range, if recipe.max_memory is too small,
+///         or if the light cannot be estimated; those of make_canonical_setup and test_photos_of.
 template <CpuBackend B>
 [[nodiscard]] ReconstructionSetup make_setup(B& host, const ReconstructionInput& input, const Recipe& recipe,
                                              const Observer& observer = {}, bool on_device = false);
