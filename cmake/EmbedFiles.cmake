@@ -1,6 +1,6 @@
 # Writes a source file that holds the files of a folder as strings. It is run as a script, with the variables folder,
 # names (separated by commas) and output.
-# The output defines web_files() of examples/programs/view/view_page.hpp.
+# The output defines web_files() of programs/view/view_page.hpp.
 set(entries)
 string(REPLACE "," ";" names "${names}")
 foreach(name IN LISTS names)
@@ -17,7 +17,7 @@ endforeach()
 file(WRITE ${output} "// written by cmake/EmbedFiles.cmake
 #include \"view/view_page.hpp\"
 
-namespace gsh::examples {
+namespace gsh::programs {
 
 const std::vector<std::pair<std::string_view, std::string_view>>& web_files() {
     static const std::vector<std::pair<std::string_view, std::string_view>> files{
@@ -25,5 +25,5 @@ ${entries}    };
     return files;
 }
 
-} // namespace gsh::examples
+} // namespace gsh::programs
 ")

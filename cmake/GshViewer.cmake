@@ -1,9 +1,9 @@
-# The page of gsh-view (examples/web/, compiled in as text) and its server (examples/programs/view/).
+# The page of gsh-view (programs/web/, compiled in as text) and its server (programs/view/).
 find_package(PkgConfig REQUIRED)
 pkg_check_modules(httplib REQUIRED IMPORTED_TARGET GLOBAL cpp-httplib)
 pkg_check_modules(turbojpeg REQUIRED IMPORTED_TARGET GLOBAL libturbojpeg)
 
-set(web ${PROJECT_SOURCE_DIR}/examples/web)
+set(web ${PROJECT_SOURCE_DIR}/programs/web)
 file(GLOB web_names RELATIVE ${web} CONFIGURE_DEPENDS ${web}/*.html ${web}/*.css ${web}/*.js)
 set(web_files ${web_names})
 list(TRANSFORM web_files PREPEND ${web}/)
@@ -16,7 +16,7 @@ add_custom_command(
   DEPENDS ${web_files} ${PROJECT_SOURCE_DIR}/cmake/EmbedFiles.cmake
   VERBATIM)
 
-file(GLOB viewer_sources CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/examples/programs/view/*.cpp)
+file(GLOB viewer_sources CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/programs/view/*.cpp)
 add_custom_target(gsh_web_files DEPENDS ${web_source}) # written once, for several libraries
 
 # gsh_add_viewer(name programs): adds a library with both, for programs that link the library `programs`.

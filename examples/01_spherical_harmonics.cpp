@@ -31,8 +31,7 @@ const Vec warm_lobe = normalize(Vec(-0.6, 0.55, 0.58)), cold_lobe = normalize(Ve
 
 Vec glossy_point(const Vec& dir) {
     const double warm = std::max(0.0, dot(-dir, warm_lobe)), cold = std::max(0.0, dot(-dir, cold_lobe));
-    return Vec(0.55, 0.16, 0.12) + std::pow(warm, 6) * Vec(0.40, 0.70, 0.65) +
-           std::pow(cold, 3) * Vec(0.0, 0.15, 0.40);
+    return Vec(0.55, 0.16, 0.12) + std::pow(warm, 6) * Vec(0.40, 0.70, 0.65) + std::pow(cold, 3) * Vec(0.0, 0.15, 0.40);
 }
 
 // 2. Viewing directions on a spiral, which are distributed evenly over the sphere.
@@ -141,4 +140,6 @@ void story(const std::filesystem::path& folder) {
 
 } // namespace
 
-int main(int argc, char** argv) { return examples::tell(argc, argv, story); }
+int main(int argc, char** argv) {
+    return examples::tell(argc, argv, story);
+}

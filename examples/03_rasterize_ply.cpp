@@ -4,8 +4,8 @@
 /// The scene has two translucent balls inside a ring of beads. The file has the layout of other viewers and trainers,
 /// so the same code renders their scenes. The middle pixel and the radius of the silhouette are compared with values
 /// that are computed by hand. Writes 03_rasterize_ply.ply and 03_rasterize_ply.png: front | behind.
-#include <gsh/cpu.hpp>
 #include <gsh/camera/pinhole.hpp>
+#include <gsh/cpu.hpp>
 #include <gsh/gaussian/gaussians.hpp>
 #include <gsh/gaussian/shade.hpp>
 #include <gsh/gaussian/static_gaussian.hpp>
@@ -75,7 +75,9 @@ Image<float> render(Backend& backend, const GaussianCloud<float>& cloud, const C
     return color;
 }
 
-Vec pixel(const Image<float>& image, int y, int x) { return {image.at(0, y, x), image.at(1, y, x), image.at(2, y, x)}; }
+Vec pixel(const Image<float>& image, int y, int x) {
+    return {image.at(0, y, x), image.at(1, y, x), image.at(2, y, x)};
+}
 
 void story(const std::filesystem::path& folder) {
     // 3. Write and read. The file is padded to degree 3, because many viewers support only that degree.
@@ -127,4 +129,6 @@ void story(const std::filesystem::path& folder) {
 
 } // namespace
 
-int main(int argc, char** argv) { return examples::tell(argc, argv, story); }
+int main(int argc, char** argv) {
+    return examples::tell(argc, argv, story);
+}

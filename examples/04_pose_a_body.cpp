@@ -48,7 +48,7 @@ GaussianCloud<float> dress(const SurfaceSamples& skin) {
         const std::size_t heaviest = skin.weights.joints[i * skin.weights.influences]; // sorted, largest first
         cloud.means[i] = vec3<float>(skin.positions[i]);
         const vec3<float> n(skin.normals[i].z < 0 ? -skin.normals[i] : skin.normals[i]); // a disc has no front
-        cloud.quats[i] = {1 + n.z, -n.y, n.x, 0};                                          // rotates z to n
+        cloud.quats[i] = {1 + n.z, -n.y, n.x, 0};                                        // rotates z to n
         const float scale = static_cast<float>(skin.scales[i]);
         cloud.log_scales[i] = {std::log(scale), std::log(scale), std::log(0.2f * scale)};
         cloud.opacity_logits[i] = logit(0.9f);
@@ -148,4 +148,6 @@ void story(const std::filesystem::path& folder) {
 
 } // namespace
 
-int main(int argc, char** argv) { return examples::tell(argc, argv, story); }
+int main(int argc, char** argv) {
+    return examples::tell(argc, argv, story);
+}

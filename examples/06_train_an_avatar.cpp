@@ -158,4 +158,6 @@ void story(const std::filesystem::path& folder) {
 
 } // namespace
 
-int main(int argc, char** argv) { return examples::tell(argc, argv, story); }
+int main(int argc, char** argv) {
+    return examples::tell(argc, argv, story);
+}

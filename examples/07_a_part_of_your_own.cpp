@@ -63,4 +63,6 @@ void story(const std::filesystem::path&) {
     examples::claim(std::abs(ratio - 0.6) < 0.05, "the factor of dark frames is 0.6, found " + std::to_string(ratio));
 }
 
-int main(int argc, char** argv) { return examples::tell(argc, argv, story); }
+int main(int argc, char** argv) {
+    return examples::tell(argc, argv, story);
+}

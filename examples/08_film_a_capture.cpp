@@ -18,7 +18,7 @@
 #include <gsh/synthetic/actor_motion.hpp>
 #include <gsh/synthetic/studio.hpp>
 
-#include <programs/support/progress.hpp>
+#include <programs/common/progress.hpp>
 #include <story.hpp>
 
 #include <algorithm>
@@ -75,7 +75,7 @@ void story(const std::filesystem::path& out, int size, int frames) {
     const std::filesystem::path folder = out / "08_capture";
     // 4. Three quarters of the frames talk; the last quarter lifts the arms above the head and bends elbows and knees
     //    to 120 degrees. With --hold-out-motion 0.25, the programs train on the first and judge on both.
-    std::optional<examples::Progress> work(std::in_place, "making the actor");
+    std::optional<programs::Progress> work(std::in_place, "making the actor");
     const BodyModel body = make_actor();
     work.reset();
     const int new_frames = std::max(1, frames / 4);
@@ -85,7 +85,7 @@ void story(const std::filesystem::path& out, int size, int frames) {
     // 5. The film. Both captures have the same cameras, so only the light differs.
     cpu::Threads backend;
     const auto film_in = [&](const StudioLight& light, const char* title) {
-        examples::Progress shown(title);
+        programs::Progress shown(title);
         StudioParams studio;
         studio.image_size = size;
         studio.light = light;

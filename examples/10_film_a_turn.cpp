@@ -19,7 +19,7 @@
 #include <gsh/synthetic/actor_turn.hpp>
 #include <gsh/synthetic/studio.hpp>
 
-#include <programs/support/progress.hpp>
+#include <programs/common/progress.hpp>
 #include <story.hpp>
 
 #include <algorithm>
@@ -134,7 +134,7 @@ void story(const std::filesystem::path& out, int size, int frames) {
 
     // 5. The film.
     cpu::Threads backend;
-    std::optional<examples::Progress> work(std::in_place, "filming the turn");
+    std::optional<programs::Progress> work(std::in_place, "filming the turn");
     studio.progress = [&](double share) { work->show(share, ""); };
     const Capture filmed = film(backend, body, motion, studio);
     work.emplace("filming the room");

@@ -95,8 +95,8 @@ template <class T>
     const vec3<float> near_hill(0.10f, 0.20f, 0.17f), far_hill(0.45f, 0.38f, 0.52f);
     for (int k = 0; k < 4; ++k) { // hills, the far ones first
         const float t = static_cast<float>(k), nearness = t / 3;
-        const float ridge = 0.42f + 0.11f * t + 0.06f * std::sin((5 + 3 * t) * u + 1.7f * t) +
-                            0.015f * std::sin((23 + 5 * t) * u + t);
+        const float ridge =
+            0.42f + 0.11f * t + 0.06f * std::sin((5 + 3 * t) * u + 1.7f * t) + 0.015f * std::sin((23 + 5 * t) * u + t);
         color = mix(color, mix(far_hill, near_hill, nearness), step(v - ridge));
     }
     const float distance = (v - 0.80f) / 0.20f;                                        // a field in the foreground

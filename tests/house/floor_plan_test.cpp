@@ -250,6 +250,31 @@ TEST_CASE("what the CPU backends run lies in the inline namespace of its instruc
     CHECK(found > 10);
 }
 
+TEST_CASE("the folders of io/ have floors, too: a header there includes its own folder and lower floors") {
+    std::map<std::string, std::string, std::less<>> floors;
+    for_each_folder(std::regex("io [0-9]"),
+                    [&](const std::string& floor, const std::string& folder) { floors[folder] = floor; });
+    const auto folder_of = [](std::string_view path) { // "io/file/npy.hpp": "file"; others: empty
+        if (!path.starts_with("io/")) return std::string();
+        path.remove_prefix(3);
+        return std::string(path.substr(0, path.find('/')));
+    };
+    std::size_t checked = 0;
+    for (const auto& header : headers()) {
+        const std::string home = folder_of(header.path);
+        if (home.empty()) continue;
+        CHECK_MESSAGE(floors.contains(home), header.path, " is in no folder that docs/architecture.md has a floor for");
+        for (const auto& include : header.includes) {
+            const std::string other = folder_of(ours(include.path));
+            if (other.empty() || other == home) continue;
+            ++checked;
+            CHECK_MESSAGE(floors[other] < floors[home], header.at(include.line), "io/", home, " may not include io/",
+                          other);
+        }
+    }
+    CHECK(checked > 100);
+}
+
 TEST_CASE("opt-in libraries stay in their folders") {
     for (const auto& header : headers())
         for (const auto& include : header.includes)

@@ -4,13 +4,13 @@
 #include "programs/small_capture.hpp"
 #include "support/guarded.hpp"
 
-#include "support/load_input.hpp"
-#include "support/machine.hpp"
-#include "support/reconstruction.hpp"
-#include "support/renderer.hpp"
-#include "support/renderer_on.hpp"
-#include "support/static_reconstruction.hpp"
-#include "support/static_reconstruction_on.hpp"
+#include "reconstruct/load_input.hpp"
+#include "common/machine.hpp"
+#include "reconstruct/reconstruction.hpp"
+#include "show/renderer.hpp"
+#include "show/renderer_on.hpp"
+#include "reconstruct/static_reconstruction.hpp"
+#include "reconstruct/static_reconstruction_on.hpp"
 
 #include <gsh/io/file/archive.hpp>
 #include <gsh/io/model/avatar_file.hpp>
@@ -27,7 +27,7 @@
 namespace backends_of_programs { // joined builds: other tests have helpers of the same names
 
 using namespace gsh;
-using namespace gsh::examples;
+using namespace gsh::programs;
 using test::Guarded;
 
 namespace {

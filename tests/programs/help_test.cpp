@@ -2,7 +2,7 @@
 /// @file  Every doubt of gsh-check and of the verdict has an answer in docs/README.md.
 #include <doctest/doctest.h>
 
-#include "support/help.hpp"
+#include "common/help.hpp"
 
 #include <gsh/core/error.hpp>
 #include <gsh/io/file/atomic_file.hpp>
@@ -14,7 +14,7 @@
 #include <string_view>
 
 using namespace gsh;
-using namespace gsh::examples;
+using namespace gsh::programs;
 namespace fs = std::filesystem;
 
 namespace {
@@ -43,8 +43,8 @@ TEST_CASE("each heading that a doubt names is in docs/README.md") {
 
 TEST_CASE("the doubts with an answer are those that the check and the verdict have") {
     std::set<std::string> doubts;
-    std::string sources = read_file(help_root / "examples/programs/support/verdict.cpp");
-    for (const std::string& name : hyphenated_names(help_root / "examples/programs/support/verdict.cpp"))
+    std::string sources = read_file(help_root / "programs/reconstruct/verdict.cpp");
+    for (const std::string& name : hyphenated_names(help_root / "programs/reconstruct/verdict.cpp"))
         doubts.insert(name);
     for (const auto& entry : fs::directory_iterator(help_root / "include/gsh/check")) {
         doubts.merge(hyphenated_names(entry.path()));

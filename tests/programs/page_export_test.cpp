@@ -6,8 +6,8 @@
 #include "programs/view_scenes.hpp"
 #include "support/skip.hpp"
 
-#include "support/base64.hpp"
-#include "support/input_files.hpp"
+#include "common/base64.hpp"
+#include "common/input_files.hpp"
 #include "view/view_painter.hpp"
 #include "view/view_request.hpp"
 #include "view/view_scene.hpp"
@@ -30,7 +30,7 @@
 #include <vector>
 
 using namespace gsh;
-using namespace gsh::examples;
+using namespace gsh::programs;
 using test::check_done;
 using test::check_refused;
 using test::run;

@@ -2,7 +2,7 @@
 /// @file  The progress line of the programs fits its terminal, and long jobs are not silent.
 #include <doctest/doctest.h>
 
-#include "support/progress.hpp"
+#include "common/progress.hpp"
 
 #include <pty.h>
 #include <unistd.h>
@@ -14,7 +14,7 @@
 
 namespace {
 
-using namespace gsh::examples;
+using namespace gsh::programs;
 
 const std::string details = "step 1200  PSNR 31.42 dB  8.3 steps/s  loss 0.0214";
 

@@ -2,14 +2,14 @@
 /// @file  The verdict on an avatar: the sentence, and what it advises.
 #include <doctest/doctest.h>
 
-#include "support/verdict.hpp"
+#include "reconstruct/verdict.hpp"
 
 #include <cmath>
 #include <string>
 
 namespace {
 
-using namespace gsh::examples;
+using namespace gsh::programs;
 
 VerdictInput good_avatar() {
     VerdictInput input{.person = 29, .face = 32, .hands = 26};

@@ -22,7 +22,7 @@
 
 namespace gsh::test {
 
-using examples::PersonSize;
+using programs::PersonSize;
 using ViewJson = nlohmann::json;
 
 /// A request for a picture of some people, as the page sends it.

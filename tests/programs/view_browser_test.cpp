@@ -6,7 +6,7 @@
 #include "programs/view_scenes.hpp"
 #include "support/skip.hpp"
 
-#include "support/input_files.hpp"
+#include "common/input_files.hpp"
 #include "view/view_package.hpp"
 #include "view/view_page.hpp"
 #include "view/view_painter.hpp"
@@ -35,7 +35,7 @@
 #include <vector>
 
 using namespace gsh;
-using namespace gsh::examples;
+using namespace gsh::programs;
 
 namespace {
 

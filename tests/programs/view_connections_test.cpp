@@ -16,7 +16,7 @@
 #include <string>
 #include <thread>
 
-using namespace gsh::examples;
+using namespace gsh::programs;
 using namespace std::chrono_literals;
 
 namespace {

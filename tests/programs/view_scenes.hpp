@@ -5,10 +5,10 @@
 #include "io/temporary.hpp"
 #include "support/bodies.hpp"
 
-#include "support/light_option.hpp"
-#include "support/machine.hpp"
-#include "support/renderer.hpp"
-#include "support/shown_people.hpp"
+#include "show/light_option.hpp"
+#include "common/machine.hpp"
+#include "show/renderer.hpp"
+#include "show/shown_people.hpp"
 #include "view/view_request.hpp"
 #include "view/view_scene.hpp"
 
@@ -144,19 +144,19 @@ inline const ViewFiles& view_files() {
     return instance;
 }
 
-[[nodiscard]] inline examples::ViewScene view_scene(const std::vector<std::filesystem::path>& files,
+[[nodiscard]] inline programs::ViewScene view_scene(const std::vector<std::filesystem::path>& files,
                                                     const std::vector<std::filesystem::path>& poses = {}) {
     std::vector<std::string> warnings;
-    return examples::load_view_scene(files, poses, {}, {}, warnings);
+    return programs::load_view_scene(files, poses, {}, {}, warnings);
 }
 
 /// The picture that gsh-animate would write of the people of a request.
-[[nodiscard]] inline Image<float> rendered(const examples::ViewScene& scene, const examples::ViewRequest& request) {
-    examples::BackendOption option;
+[[nodiscard]] inline Image<float> rendered(const programs::ViewScene& scene, const programs::ViewRequest& request) {
+    programs::BackendOption option;
     option.threads = 2;
-    examples::Machine machine(option);
+    programs::Machine machine(option);
     if (!scene.people) return make_renderer(machine, scene.cloud)->render(0, request.camera, request.background);
-    examples::ShownPeople people = *scene.people;
+    programs::ShownPeople people = *scene.people;
     people.motions = request.people;
     return make_renderer(machine, people)->render(0, request.camera, request.background);
 }

@@ -34,7 +34,7 @@
 #include <vector>
 
 using namespace gsh;
-using namespace gsh::examples;
+using namespace gsh::programs;
 using test::ViewJson, test::request_for, test::decoded, test::difference, test::header_of;
 
 namespace {

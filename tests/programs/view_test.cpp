@@ -4,7 +4,7 @@
 #include "programs/view_answers.hpp"
 #include "programs/view_scenes.hpp"
 
-#include "support/base64.hpp"
+#include "common/base64.hpp"
 #include "view/ellipsoids.hpp"
 #include "view/jpeg.hpp"
 #include "view/motion_occlusion.hpp"
@@ -37,7 +37,7 @@
 #include <vector>
 
 using namespace gsh;
-using namespace gsh::examples;
+using namespace gsh::programs;
 using test::ViewJson, test::request_for, test::decoded, test::difference, test::header_of;
 
 TEST_CASE("gsh-view: a request is read as it was sent") {

@@ -22,7 +22,9 @@ TEST_CASE("a setup has the photographs of the capture, with the weights of a reg
     cpu::Threads host(2);
     ReconstructionInput input = small_input();
     input.registration.emplace().frame_weights = {0.5, 1};
-    const ReconstructionSetup setup = make_setup(host, input, small_recipe());
+    Recipe recipe = small_recipe();
+    recipe.configuration.unknown_band = 0.03; // two pixels of these photographs
+    const ReconstructionSetup setup = make_setup(host, input, recipe);
     REQUIRE(setup.photos.size() == 4);
     CHECK(setup.test_photos.size() == 2);
     CHECK(setup.registered);

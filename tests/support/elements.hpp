@@ -29,6 +29,7 @@
 #include <gsh/math/vec.hpp>
 #include <gsh/optim/adam.hpp>
 #include <gsh/render/projection.hpp>
+#include <gsh/render/splat_moments.hpp>
 #include <gsh/render/tiles.hpp>
 
 #include <cstddef>
@@ -423,6 +424,19 @@ struct WhitenElement {
     }
 };
 
+struct SplatMomentsElement {
+    static constexpr const char* name = "render/splat_moments";
+    template <Lane T>
+    GSH_HD void run(Inputs<T> in, Outputs<T> out, const ScalarOf<T>*) const {
+        const Whitening<T> w{in.number(), in.number(), in.number()};
+        const SplatMoments<T> moments{in.number(), in.number(), in.number(), in.number(), in.number()};
+        Projection<T> dL_dprojection;
+        moments_backward(w, moments, dL_dprojection);
+        const sym2<T>& c = dL_dprojection.covariance;
+        out.put(dL_dprojection.mean2d), out.put(c.xx), out.put(c.xy), out.put(c.yy);
+    }
+};
+
 struct ColorElement {
     static constexpr const char* name = "image/color";
     template <Lane T>
@@ -596,9 +610,9 @@ using Elements =
                AffineElement, SymmetricElement, SHElement<0>,
                SHElement<1>, SHElement<2>, SHElement<3>, SHElement<4>, SHRotationElement<2>,
                SHRotationElement<4>, CovarianceElement, ShadeElement, PinholeElement,
-               DistortionElement, SkeletonElement, ProjectionElement, WhitenElement, ColorElement, HashGridElement,
-               PolarElement, DualQuatElement, SkinnedGaussianElement<LinearBlend>, SkinnedGaussianElement<PolarBlend>,
-               SkinnedGaussianElement<DualQuaternionBlend>, LitElement, AdamElement, FrequencyElement,
-               SsimElement>;
+               DistortionElement, SkeletonElement, ProjectionElement, WhitenElement, SplatMomentsElement,
+               ColorElement, HashGridElement, PolarElement, DualQuatElement, SkinnedGaussianElement<LinearBlend>,
+               SkinnedGaussianElement<PolarBlend>, SkinnedGaussianElement<DualQuaternionBlend>, LitElement, AdamElement,
+               FrequencyElement, SsimElement>;
 
 } // namespace gsh::test

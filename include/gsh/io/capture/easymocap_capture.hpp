@@ -11,6 +11,7 @@
 #include <gsh/io/capture/capture_data.hpp>
 #include <gsh/io/capture/capture_images.hpp>
 #include <gsh/io/capture/capture_photos.hpp>
+#include <gsh/io/capture/easymocap_cameras.hpp>
 #include <gsh/io/image/image_file.hpp>
 #include <gsh/io/motion/any_motion.hpp>
 #include <gsh/io/motion/easymocap_file.hpp>

@@ -8,9 +8,9 @@
 #include <gsh/body/retarget.hpp>
 #include <gsh/body/rig_motion.hpp>
 #include <gsh/core/error.hpp>
-#include <gsh/io/capture/camera_file.hpp>
 #include <gsh/io/file/folder_list.hpp>
 #include <gsh/io/file/foreign_file.hpp>
+#include <gsh/io/file/json_file.hpp>
 #include <gsh/io/file/npz.hpp>
 #include <gsh/io/file/text_lines.hpp>
 #include <gsh/io/motion/amass_file.hpp>

@@ -14,6 +14,7 @@
 #include <gsh/render/projection.hpp>
 #include <gsh/render/cpu/raster_scratch.hpp>
 #include <gsh/render/raster_cache.hpp>
+#include <gsh/render/splat_moments.hpp>
 
 #include <algorithm>
 #include <cstddef>
@@ -100,24 +101,17 @@ private:
     static constexpr std::size_t camera_numbers = sizeof(CameraGradient<double>) / sizeof(double);
     alignas(64) double of_camera_[camera_numbers * W::width] = {}; // lane by lane
 
-    /// ln(alpha) = ln(opacity) - ln(2) (u² + v²), (u, v) = W (pixel - mean2d), Σ⁻¹ = 2 ln(2) Wᵀ W, so that with the
-    /// moments m = sum G (u, v), M = sum G (u, v) (u, v)ᵀ: dL_dmean2d = 2 ln(2) Wᵀ m, dL_dΣ = 2 ln(2)² Wᵀ M W.
     void project_backward([[maybe_unused]] std::size_t k) {
 #if !defined(__CUDA_ARCH__) // as in ProjectionBatch
-        constexpr double ln2 = 0.69314718055994530942;
-        const W to_mean2d(2 * ln2), to_covariance(2 * ln2 * ln2), two(2.0), zero(0.0);
+        const W zero(0.0);
         const auto in = [&](std::size_t n) { return widened(in_[n] + k); };
-        const W ux = W::load(ux_ + k), uy = W::load(uy_ + k), vy = W::load(vy_ + k);
-        const W u = in(3), v = in(4), uu = in(5), uv = in(6), vv = in(7);
+        const Whitening<W> whitening{W::load(ux_ + k), W::load(uy_ + k), W::load(vy_ + k)};
         Projection<W> dL;
-        dL.mean2d = vec2<W>(to_mean2d * (ux * u), to_mean2d * (uy * u + vy * v));
-        const W along_u = uy * uu + vy * uv, along_v = uy * uv + vy * vv;
-        dL.covariance = {to_covariance * (ux * ux * uu), to_covariance * (two * ux * along_u),
-                         to_covariance * (uy * along_u + vy * along_v)};
+        moments_backward(whitening, SplatMoments<W>{in(3), in(4), in(5), in(6), in(7)}, dL);
         dL.depth = in(8);
         dL.opacity_factor = in(9);
         store_narrowed(sqrt(dL.mean2d.x * dL.mean2d.x + dL.mean2d.y * dL.mean2d.y), gradient_norm + k);
-        store_narrowed(screen_radius(Whitening<W>{ux, uy, vy}), radius + k);
+        store_narrowed(screen_radius(whitening), radius + k);
 
         vec3<W> dL_dmean(zero);
         const vec3<W> mean(in(0), in(1), in(2));

@@ -11,6 +11,7 @@
 #include <gsh/render/cuda/blend_tiles_backward.cuh>
 #include <gsh/render/cuda/raster_scratch.cuh>
 #include <gsh/render/projection.hpp>
+#include <gsh/render/splat_moments.hpp>
 #include <gsh/render/tiles.hpp>
 
 #include <concepts>
@@ -82,8 +83,6 @@ struct ProjectSplatsBackward {
     }
 
 private:
-    /// ln(alpha) = ln(opacity) - ln(2) (u² + v²), (u, v) = W (pixel - mean2d), Σ⁻¹ = 2 ln(2) Wᵀ W, so that with the
-    /// moments m = sum G (u, v), M = sum G (u, v) (u, v)ᵀ: dL_dmean2d = 2 ln(2) Wᵀ m, dL_dΣ = 2 ln(2)² Wᵀ M W.
     __device__ void add_splat(std::size_t i, CameraGradient<T>* dL_dcamera) const {
         if (visible[i] == 0) {
             gradient_norms[i] = radii[i] = T(0);
@@ -107,15 +106,15 @@ private:
             add_plain(i, s, sum, g * opacity, dL_dcamera);
     }
 
+    template <class W>
+    __device__ static SplatMoments<W> moments_of(const T* sum) {
+        return {W(sum[slot_u]), W(sum[slot_v]), W(sum[slot_uu]), W(sum[slot_uv]), W(sum[slot_vv])};
+    }
+
     __device__ void add_plain(std::size_t i, const ScreenSplat<T>& s, const T* sum, T dL_dopacity_factor,
                               CameraGradient<T>* dL_dcamera) const {
-        constexpr T ln2 = T(0.69314718055994530942), to_mean2d = 2 * ln2, to_covariance = 2 * ln2 * ln2;
-        const T along_u = s.uy * sum[slot_uu] + s.vy * sum[slot_uv],
-                along_v = s.uy * sum[slot_uv] + s.vy * sum[slot_vv];
         Projection<T> dL;
-        dL.mean2d = vec2<T>(to_mean2d * (s.ux * sum[slot_u]), to_mean2d * (s.uy * sum[slot_u] + s.vy * sum[slot_v]));
-        dL.covariance = {to_covariance * (s.ux * s.ux * sum[slot_uu]), to_covariance * (2 * s.ux * along_u),
-                         to_covariance * (s.uy * along_u + s.vy * along_v)};
+        moments_backward(Whitening<T>{s.ux, s.uy, s.vy}, moments_of<T>(sum), dL);
         dL.depth = sum[slot_depth];
         dL.opacity_factor = dL_dopacity_factor;
         gradient_norms[i] = sqrt(dL.mean2d.x * dL.mean2d.x + dL.mean2d.y * dL.mean2d.y);
@@ -131,14 +130,8 @@ private:
     __device__ void add_factored(std::size_t i, const ScreenSplat<T>& s, const T* sum, T dL_dopacity_factor,
                                  CameraGradient<T>* dL_dcamera) const {
         using W = Wider<T>;
-        const W ln2 = W(T(0.69314718055994530942)), to_mean2d = W(T(2)) * ln2, to_covariance = to_mean2d * ln2;
-        const W ux(s.ux), uy(s.uy), vy(s.vy), u(sum[slot_u]), v(sum[slot_v]), uu(sum[slot_uu]), uv(sum[slot_uv]),
-            vv(sum[slot_vv]);
-        const W along_u = uy * uu + vy * uv, along_v = uy * uv + vy * vv;
         Projection<W> dL;
-        dL.mean2d = vec2<W>(to_mean2d * (ux * u), to_mean2d * (uy * u + vy * v));
-        dL.covariance = {to_covariance * (ux * ux * uu), to_covariance * (W(T(2)) * ux * along_u),
-                         to_covariance * (uy * along_u + vy * along_v)};
+        moments_backward(Whitening<W>{W(s.ux), W(s.uy), W(s.vy)}, moments_of<W>(sum), dL);
         dL.depth = W(sum[slot_depth]);
         dL.opacity_factor = W(dL_dopacity_factor);
         const T x = rounded(dL.mean2d.x), y = rounded(dL.mean2d.y);

@@ -1,0 +1,24 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  Signals that end a program.
+#pragma once
+
+#include <atomic>
+#include <csignal>
+
+namespace gsh::programs {
+
+/// Set by Ctrl-C (SIGINT) and SIGTERM after watch_interrupts() was called.
+inline std::atomic<bool> interrupted{false};
+
+/// From this call on, the first Ctrl-C only sets `interrupted`, so that the program can end in order. A second one ends
+/// the program at once.
+inline void watch_interrupts() {
+    const auto note = [](int signal) {
+        interrupted = true;
+        std::signal(signal, SIG_DFL);
+    };
+    std::signal(SIGINT, note);
+    std::signal(SIGTERM, note);
+}
+
+} // namespace gsh::programs

@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "common/machine.hpp"
+
+#include "common/gpu.hpp"
+
+#include <gsh/core/config.hpp>
+#include <gsh/core/error.hpp>
+
+#include <sys/resource.h>
+#include <unistd.h>
+
+#include <fstream>
+
+namespace gsh::programs {
+
+Machine::Machine(const BackendOption& option) : host_(option.threads) {
+    const bool cuda = option.backend == "cuda";
+    if (!cuda && option.device) throw ValueError("--device needs --backend cuda");
+    const bool mixed = option.precision == "mixed";
+    if (cuda)
+        gpu_ = open_gpu(option.device.value_or(0), mixed);
+    else if (mixed)
+        host_.set_precision(Precision::mixed);
+    computed_on_ = {option.backend, cuda ? name_of(*gpu_) : std::string(), option.precision, host_.thread_count(),
+                    GSH_TEXT(GSH_ISA)};
+}
+
+std::optional<std::uint64_t> Machine::peak_gpu_memory() const {
+    if (gpu_ == nullptr) return std::nullopt;
+    return peak_memory_of(*gpu_);
+}
+
+std::uint64_t resident_bytes() {
+    std::ifstream file("/proc/self/statm");
+    std::uint64_t total = 0, resident = 0;
+    file >> total >> resident;
+    return resident * static_cast<std::uint64_t>(sysconf(_SC_PAGESIZE));
+}
+
+std::uint64_t peak_memory_bytes() {
+    rusage usage{};
+    getrusage(RUSAGE_SELF, &usage);
+    return static_cast<std::uint64_t>(usage.ru_maxrss) * 1024; // Linux counts in KiB
+}
+
+std::string processor_name() {
+    std::ifstream file("/proc/cpuinfo");
+    for (std::string line; std::getline(file, line);)
+        if (const auto colon = line.find(": "); line.starts_with("model name") && colon != std::string::npos)
+            return line.substr(colon + 2);
+    return "an unknown processor";
+}
+
+} // namespace gsh::programs

@@ -1,0 +1,96 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  gsh-export: writes avatars and scenes in formats that other programs show, still or moving.
+
+#include "common/input_files.hpp"
+#include "common/messages.hpp"
+#include "common/program.hpp"
+#include "common/rig_option.hpp"
+#include "common/up_option.hpp"
+#include "export/export_avatar.hpp"
+#include "export/export_options.hpp"
+#include "export/still_writer.hpp"
+#include "show/light_command.hpp"
+#include "view/page_export.hpp"
+
+#include <gsh/gaussian/cloud_edits.hpp>
+#include <gsh/io/splat/still_splats.hpp>
+
+#include <cstdio>
+#include <filesystem>
+#include <string>
+
+using namespace gsh;
+using namespace gsh::programs;
+
+namespace {
+
+/// A scene is written as it is, in the frame of the format.
+ExportResult export_scene(const ExportOptions& options, const FormatTraits& traits) {
+    StillSplats splats = splats_of_file(options.input, options.input_up);
+    for (const std::string& warning : splats.warnings) warn(warning);
+    if (!splats.notes.up && is_y_down(options.input)) restate_up(splats, UpAxis::minus_y); // by custom
+    GaussianCloud<float>& cloud = splats.cloud;
+    if (options.sh_degree) cloud = with_bands_up_to(std::move(cloud), *options.sh_degree);
+    if (options.largest)
+        cloud = reordered(cloud, Span<const std::uint32_t>(largest_gaussians(cloud, *options.largest)));
+    if (const auto order = order_for(traits.format, cloud); !order.empty())
+        cloud = reordered(cloud, Span<const std::uint32_t>(order));
+    StillWriter writer(options, traits, splats.notes.filter);
+    writer.write(options.to, cloud);
+    return {.path = options.to, .gaussians = cloud.size(), .files = 1, .losses = writer.losses()};
+}
+
+int run_export(const ExportOptions& options) {
+    const FormatTraits traits = check_options(options);
+    std::error_code ignored;
+    check_value(!std::filesystem::equivalent(options.input, options.to, ignored), "--to " + options.to.string(),
+                "is the input itself");
+    const ExportResult result = traits.format == ExportFormat::html   ? export_page(options)
+                                : options.input.extension() == ".gsh" ? export_avatar(options, traits)
+                                                                      : export_scene(options, traits);
+    if (result.files == 0) return exit_interrupted;
+    if (!result.losses.empty()) warn(result.path.string() + ": " + result.losses);
+    std::printf("%s: %s%zu Gaussians, %s%.1f MB\n", result.path.c_str(), options.mesh ? "a mesh of " : "",
+                result.gaussians, result.files > 1 ? (std::to_string(result.files) + " files, ").c_str() : "",
+                static_cast<double>(bytes_of(result.path)) / 1e6);
+    return exit_done;
+}
+
+} // namespace
+
+int main(int argc, char** argv) {
+    ExportOptions options;
+    CLI::App app("Writes avatars and scenes in formats that other programs show.", "gsh-export");
+    app.add_option("input", options.input, "AVATAR.gsh, or a scene (.ply, .compressed.ply, .spz, .splat, .glb, .gltf)")
+        ->required();
+    app.add_option("--to", options.to, "the file to write; its ending chooses the format: " + known_endings())
+        ->required();
+    app.add_option("--poses", options.poses,
+                   "a motion in any layout that gsh reads (.npz, .bvh, .glb, folder); without it, the canonical pose; "
+                   "for .html several, without any those of the built-in actor")
+        ->allow_extra_args(false);
+    app.add_option("--frame", options.frame, "frame of the motion, for a still file (default 0)")
+        ->check(not_negative());
+    app.add_option(
+        "--frames", options.frames,
+        "frames A:B of the motion, both included, or every S-th of them, A:B:S: a moving .glb or .usda, or a "
+        "folder of numbered files named as the file without its ending; for .html the part that it plays");
+    app.add_option("--sh", options.sh_degree, "degree of SH that is kept at most (default: all that the format holds)")
+        ->check(CLI::Range(0, 3));
+    app.add_option("--up", options.up,
+                   "the vertical of .ply, .compressed.ply and .splat: -y (default), as most programs expect, or y")
+        ->check(CLI::IsMember({"y", "-y"}));
+    add_input_up(app, options.input_up);
+    app.add_option("--largest", options.largest, "keep the N Gaussians with the largest size times opacity")
+        ->check(above_zero());
+    app.add_option("--spz", options.spz_version, "version of .spz: 3 (default) or 4")->check(CLI::IsMember({3, 4}));
+    app.add_option("--clusters", options.clusters, "number of rigid pieces of a moving .glb (default 512)")
+        ->check(CLI::Range(1, 65536));
+    app.add_flag("--mesh", options.mesh, "write a .glb with a skinned, coloured mesh instead of Gaussians");
+    app.add_flag("--as-stored", options.as_stored,
+                 "keep the world of the motion; otherwise it is rotated so that the body stands along +y");
+    add_rig(app, options.rig);
+    add_light(app, options.light);
+    add_threads(app, options.threads);
+    return run_program(app, argc, argv, [&] { return run_export(options); });
+}

@@ -1,0 +1,111 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  gsh-reconstruct: trains an animatable avatar from a capture of a person and evaluates it on held-out views.
+///
+/// 1. Load the body and the capture, or generate both (--synthetic).
+/// 2. Sample Gaussians on the body's surface and attach them to the body's rig.
+/// 3. With --refine, fit poses and shape to the photographs.
+/// 4. Train, with a checkpoint every few seconds.
+/// 5. Evaluate on the test views and write the results.
+
+#include "common/figures.hpp"
+#include "common/machine.hpp"
+#include "common/output_folder.hpp"
+#include "common/program.hpp"
+#include "common/stored_options.hpp"
+#include "evaluate/evaluation_tables.hpp"
+#include "reconstruct/load_input.hpp"
+#include "reconstruct/reconstruct_command.hpp"
+#include "reconstruct/reconstruct_options.hpp"
+#include "reconstruct/reconstruction.hpp"
+#include "reconstruct/results.hpp"
+#include "reconstruct/static_reconstruction.hpp"
+#include "reconstruct/training.hpp"
+
+#include <gsh/reconstruct/resume.hpp>
+
+#include <cstdio>
+#include <string>
+#include <utility>
+
+using namespace gsh;
+using namespace gsh::programs;
+
+namespace {
+
+/// The configuration `static`: one frame as a 3DGS scene, without a body.
+int reconstruct_scene(Machine& machine, OutputFolder& out, const ReconstructOptions& options) {
+    const StaticSource input = load_static_source(options.capture, options.frame);
+    for (const std::string& warning : input.warnings) warn(warning);
+    const StaticOptions chosen = static_options(options);
+    watch_interrupts();
+    const StaticResult result = reconstruct_static(machine, input, chosen);
+    if (interrupted) return exit_interrupted;
+    write_static_result(out, machine, input, chosen, result);
+    const ImageScore mean = mean_score(result.scores);
+    std::printf("%llu steps in %.1f s: PSNR %s dB, SSIM %s\nresults in %s\n",
+                static_cast<unsigned long long>(result.steps), result.seconds, fixed(mean.psnr, 2).c_str(),
+                fixed(mean.ssim, 4).c_str(), options.out.c_str());
+    return exit_done;
+}
+
+int reconstruct(const ReconstructOptions& options) {
+    Machine machine(options.machine);
+    OutputFolder out(options.out);
+    if (is_scene(options)) return reconstruct_scene(machine, out, options);
+    ReconstructionInput input = load_input(machine.host(), options);
+    const Recipe recipe = recipe_for(options, input);
+    (void)lpips_of(options); // reports errors in the file before training
+    if (options.resume)
+        check_checkpoint(checkpoint_path(options), run_text(input, recipe), resume_advice); // before work is done
+    if (recipe.refine && recipe.registration) register_shown(machine, input, recipe);
+    ReconstructionSetup made = make_setup(machine, input, recipe);
+    take_photographs(made, input.capture);
+    const auto reconstruction = make_reconstruction(machine, std::move(made));
+    const ReconstructionSetup& setup = reconstruction->setup;
+    TrainingRecord record;
+    if (options.resume) record = load_checkpoint(checkpoint_path(options), *reconstruction, resume_advice);
+    for (const std::string& warning : input.warnings) warn(warning);
+    for (const std::string& warning : setup.warnings) warn(warning);
+    if (input.people.size() > 1) std::printf("%zu people, ", input.people.size());
+    std::printf("%zu Gaussians, %zu training and %zu test images, %s\n", setup.gaussian_count(), setup.photos.size(),
+                setup.test_photos.size(), machine.computed_on().text().c_str());
+    if (!setup.light_text.empty()) std::printf("%s\n", setup.light_text.c_str());
+    if (input.registration) std::printf("registration: %s\n", input.registration->text().c_str());
+    std::fflush(stdout);
+
+    watch_interrupts();
+    train_shown(*reconstruction, recipe, options, record);
+    const auto figures =
+        naming_checkpoint(record, [&] { return write_results(out, options, machine, input, *reconstruction, record); });
+    if (!figures) {
+        std::fprintf(stderr, "stopped after step %llu; --resume continues from there\n",
+                     static_cast<unsigned long long>(record.steps));
+        return exit_interrupted;
+    }
+    const ImageScore& mean = figures->mean;
+    std::printf("%llu steps in %.1f s: PSNR %s dB, SSIM %s, PSNR on the person %s dB\n",
+                static_cast<unsigned long long>(record.steps), record.seconds, fixed(mean.psnr, 2).c_str(),
+                fixed(mean.ssim, 4).c_str(), fixed(mean.psnr_person, 2).c_str());
+    for (const std::string& finding : figures->findings) std::printf("%s\n", finding.c_str());
+    if (figures->motion) std::printf("%s", markdown_table(motion_rows(*figures->motion)).c_str());
+    std::printf("results in %s\n", options.out.c_str());
+    return exit_done;
+}
+
+} // namespace
+
+int main(int argc, char** argv) {
+    ReconstructOptions options;
+    CLI::App app("Reconstructs an animatable avatar from a capture.", "gsh-reconstruct");
+    add_options(app, options);
+    return run_program(app, argc, argv, [&] {
+        if (options.resume && !is_scene(options)) { // check_options refuses that
+            check_resumable(options);
+            if (const std::string earlier = checkpoint_words(checkpoint_path(options)); !earlier.empty())
+                restore_options(app, earlier, checkpoint_path(options).string(), {"--steps", "--seconds"});
+        }
+        options.given = given_options(app, {"--help", "--out", "--resume"});
+        check_options(options);
+        return reconstruct(options);
+    });
+}

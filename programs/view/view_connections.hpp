@@ -1,0 +1,103 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  The connections of gsh-view's server, bounded in time and number before a client has shown the key.
+#pragma once
+
+#include <httplib.h>
+
+#include <atomic>
+#include <chrono>
+#include <condition_variable>
+#include <cstddef>
+#include <functional>
+#include <list>
+#include <mutex>
+#include <string>
+#include <string_view>
+#include <thread>
+
+namespace gsh::programs {
+
+struct ConnectionLimits {
+    std::size_t guests = 128; ///< connections that have not shown the key; a further one ends the oldest
+    std::size_t members = 64; ///< connections that have
+    std::size_t requests = 8; ///< that are worked on at one time
+    std::size_t head_bytes = 16384;
+    std::size_t fields = 64;                 ///< lines of a head
+    std::chrono::milliseconds head{5000};    ///< for a whole head, from its first byte or the connection's beginning
+    std::chrono::milliseconds idle{30'000};  ///< of a connection between requests
+    std::chrono::milliseconds pause{10'000}; ///< between two pieces of a body, and of an answer
+    std::chrono::milliseconds body{300'000}; ///< for a whole body
+    std::size_t body_bytes = std::size_t(64) << 20;
+};
+
+/// The head of a request, as far as it decides whether httplib sees the request.
+struct RequestHead {
+    std::string text; ///< for httplib: without fields that are ignored (Range)
+    std::string method;
+    bool has_key = false;       ///< the first parameter `key` is the key, as it stands
+    std::size_t body_bytes = 0; ///< Content-Length
+    int status = 0;             ///< of the refusal; 0: none
+    std::string refusal = {};
+};
+
+/// Compares in a time that does not depend on where two texts differ.
+[[nodiscard]] bool same_key(std::string_view a, std::string_view b);
+
+/// Reads a head up to its empty line, strictly: fields that decide where a request ends, or whose it is, may stand
+/// there once; a body needs a Content-Length; it cannot be sent in chunks.
+[[nodiscard]] RequestHead parse_head(std::string_view head, std::string_view key, const ConnectionLimits& limits);
+
+/// An httplib server that reads the heads of requests itself.
+///
+/// httplib 0.11.4 reads a head in a thread of a small pool, without a bound on its whole time, so that a few
+/// connections that send a byte now and then hold all threads. It also answers any number of ranges, and takes fields
+/// that stand there twice. Here each connection has a thread of its own. A head has one deadline, and the oldest
+/// connection without the key gives way to a new one. httplib receives a request when its head is complete, and no more
+/// bytes of the body than it states. Without the key it receives none, and the connection ends after the answer.
+class GuardedServer : public httplib::Server {
+public:
+    /// `key` must outlive this object.
+    GuardedServer(std::string_view key, ConnectionLimits limits);
+
+    /// Ends connections that wait for a request. Those that are answered end afterwards.
+    void stop_waiting();
+
+private:
+    class Connection;
+
+    bool process_and_close_socket(socket_t socket) override;
+    void serve(Connection& connection);
+
+    /// Registers a connection; ends the oldest guest if there are too many.
+    void enter(Connection& connection);
+    void leave(Connection& connection);
+    /// Makes a guest a member; false if there are too many.
+    [[nodiscard]] bool admit(Connection& connection);
+
+    std::string_view key_;
+    ConnectionLimits limits_;
+    std::mutex mutex_;
+    std::condition_variable changed_;
+    std::list<Connection*> guests_, members_; // the oldest first
+    std::size_t working_ = 0;
+    bool stopping_ = false;
+};
+
+/// A queue of httplib in which each connection has a thread of its own.
+class ConnectionThreads : public httplib::TaskQueue {
+public:
+    /// `stop` is called before the threads are waited for.
+    explicit ConnectionThreads(std::function<void()> stop) : stop_(std::move(stop)) {}
+    void enqueue(std::function<void()> serve) override;
+    void shutdown() override;
+
+private:
+    struct Worker {
+        std::thread thread = {};
+        std::atomic<bool> done{false};
+    };
+    std::function<void()> stop_;
+    std::list<Worker> workers_; // only the accepting thread uses the list
+};
+
+} // namespace gsh::programs
