@@ -28,6 +28,9 @@ else()
   endforeach()
 endif()
 
+# Without optimisation, GCC takes 40% less time for the host code of tests. It suits tests that no GPU will run.
+set(GSH_DEVICE_TESTS_HOST_OPTIMIZATION -O1 CACHE STRING "Optimisation of host code in nvcc's tests: -O0 or -O1")
+
 # The middle of a command that compiles device code with warnings as errors. In front of it come nvcc.sh and the name of
 # a report, which scripts/kernel-registers reads. -O is for host code; device code is always optimised.
 set(gsh_nvcc_report ${PROJECT_SOURCE_DIR}/cmake/nvcc.sh)
@@ -35,6 +38,12 @@ set(gsh_eigen_includes $<TARGET_PROPERTY:Eigen3::Eigen,INTERFACE_INCLUDE_DIRECTO
 set(gsh_nvcc_command
     ${GSH_NVCC} -std=c++20 ${gsh_nvcc_architectures} --Werror all-warnings -Xcompiler -Wall,-Wextra,-Werror
     -I${PROJECT_SOURCE_DIR}/include "-isystem=$<JOIN:${gsh_eigen_includes},$<SEMICOLON>-isystem=>")
+
+# As in gsh_joined_options, for the host compiler.
+set(gsh_nvcc_joined_options)
+if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
+  set(gsh_nvcc_joined_options -Xcompiler --param=ggc-min-heapsize=1500000,--param=ggc-min-expand=300)
+endif()
 
 # Host code beside device code is compiled like that of gsh_project, because the linker merges the functions that both
 # compilers emit. This follows -Xcompiler.
