@@ -14,6 +14,7 @@
 #include <gsh/backend/threads.hpp>
 #include <gsh/check/capture_check.hpp>
 #include <gsh/core/error.hpp>
+#include <gsh/io/capture/capture_images.hpp>
 #include <gsh/io/image/image_file.hpp>
 
 #include <algorithm>

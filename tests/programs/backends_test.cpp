@@ -4,13 +4,14 @@
 #include "programs/small_capture.hpp"
 #include "support/guarded.hpp"
 
-#include "reconstruct/load_input.hpp"
 #include "common/machine.hpp"
+#include "reconstruct/load_input.hpp"
 #include "reconstruct/reconstruction.hpp"
-#include "show/renderer.hpp"
-#include "show/renderer_on.hpp"
 #include "reconstruct/static_reconstruction.hpp"
 #include "reconstruct/static_reconstruction_on.hpp"
+#include "reconstruct/training.hpp"
+#include "show/renderer.hpp"
+#include "show/renderer_on.hpp"
 
 #include <gsh/io/file/archive.hpp>
 #include <gsh/io/model/avatar_file.hpp>

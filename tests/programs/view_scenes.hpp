@@ -5,8 +5,8 @@
 #include "io/temporary.hpp"
 #include "support/bodies.hpp"
 
-#include "show/light_option.hpp"
 #include "common/machine.hpp"
+#include "show/light_option.hpp"
 #include "show/renderer.hpp"
 #include "show/shown_people.hpp"
 #include "view/view_request.hpp"
