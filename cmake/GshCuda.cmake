@@ -28,7 +28,7 @@ else()
   endforeach()
 endif()
 
-# Without optimisation, GCC takes 40% less time for the host code of tests. It suits tests that no GPU will run.
+# Without optimisation, GCC takes a quarter to a half less time for the host code. It suits tests that no GPU will run.
 set(GSH_DEVICE_TESTS_HOST_OPTIMIZATION -O1 CACHE STRING "Optimisation of host code in nvcc's tests: -O0 or -O1")
 
 # The middle of a command that compiles device code with warnings as errors. In front of it come nvcc.sh and the name of
