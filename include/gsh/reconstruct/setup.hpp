@@ -192,7 +192,8 @@ void add_light(B& host, ReconstructionSetup& setup) {
         setup.light = std::move(estimate.light);
         setup.light_text = text;
     } catch (const ValueError& error) {
-        throw ValueError(std::string(error.what()) + "; or train without a light, by the configuration paper (--config paper)");
+        throw ValueError(std::string(error.what()) +
+                         "; or train without a light, by the configuration paper (--config paper)");
     }
 }
 
