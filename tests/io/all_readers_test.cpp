@@ -19,6 +19,7 @@
 #include <gsh/io/capture/camera_file.hpp>
 #include <gsh/io/capture/colmap.hpp>
 #include <gsh/io/capture/detections.hpp>
+#include <gsh/io/capture/easymocap_cameras.hpp>
 #include <gsh/io/capture/gala_basketball.hpp>
 #include <gsh/io/capture/keypoints_file.hpp>
 #include <gsh/io/capture/prior_views_file.hpp>
