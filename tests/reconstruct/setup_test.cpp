@@ -18,19 +18,20 @@ using namespace gsh;
 using test::small_input;
 using test::small_recipe;
 
-TEST_CASE("a setup has the photographs of the capture, with the weights of a registration") {
+TEST_CASE("a setup has the photographs of the capture, with hidden pixels and the weights of a registration") {
     cpu::Threads host(2);
     ReconstructionInput input = small_input();
     input.registration.emplace().frame_weights = {0.5, 1};
-    Recipe recipe = small_recipe();
-    recipe.configuration.unknown_band = 0.03; // two pixels of these photographs
-    const ReconstructionSetup setup = make_setup(host, input, recipe);
+    const UnknownPixel hidden{.index = 65, .background = {}, .hidden = 1};
+    input.capture.hidden.assign(input.capture.images.size(), {hidden});
+    const ReconstructionSetup setup = make_setup(host, input, small_recipe());
     REQUIRE(setup.photos.size() == 4);
     CHECK(setup.test_photos.size() == 2);
     CHECK(setup.registered);
     for (const Photo& photo : setup.photos) {
         CHECK(photo.weight == (photo.frame == 0 ? 0.5 : 1));
-        CHECK(!photo.unknown.empty()); // the band along the outline
+        REQUIRE(photo.unknown.size() == 1); // none along the outline, since the studio removes the background
+        CHECK((photo.unknown[0].index == 65 && photo.unknown[0].hidden == 1));
     }
     CHECK(setup.light.has_value());
     CHECK(!setup.light_text.empty());
