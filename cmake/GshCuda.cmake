@@ -41,8 +41,9 @@ set(gsh_nvcc_command
 
 # As in gsh_joined_options, for the host compiler.
 set(gsh_nvcc_joined_options)
-if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
-  set(gsh_nvcc_joined_options -Xcompiler --param=ggc-min-heapsize=1500000,--param=ggc-min-expand=300)
+if(gsh_collector_options)
+  list(JOIN gsh_collector_options "," gsh_nvcc_joined_options)
+  list(PREPEND gsh_nvcc_joined_options -Xcompiler)
 endif()
 
 # Host code beside device code is compiled like that of gsh_project, because the linker merges the functions that both

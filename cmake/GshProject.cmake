@@ -28,7 +28,8 @@ if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
       -Wno-error=maybe-uninitialized)
   list(APPEND gsh_joined_options ${gsh_inlining_warnings})
   # GCC then collects garbage from 1.5 GB on, not from 128 MB on. That saves a tenth of the time of a large unit.
-  list(APPEND gsh_joined_options "SHELL:--param ggc-min-heapsize=1500000" "SHELL:--param ggc-min-expand=300")
+  set(gsh_collector_options --param=ggc-min-heapsize=1500000 --param=ggc-min-expand=300)
+  list(APPEND gsh_joined_options ${gsh_collector_options})
 else() # Clang: a local name may shadow one in the unnamed namespace of another joined file
   set(gsh_joined_options -Wno-error=shadow)
 endif()

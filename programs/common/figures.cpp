@@ -4,6 +4,7 @@
 #include "common/machine.hpp"
 
 #include <gsh/io/file/atomic_file.hpp>
+#include <gsh/reconstruct/judge.hpp>
 
 #include <algorithm>
 #include <cmath>
@@ -13,7 +14,7 @@
 namespace gsh::programs {
 
 std::vector<std::string> region_names() {
-    return {"face", "hands", "body"};
+    return {judged_regions.begin(), judged_regions.end()};
 }
 
 Json number_or_null(double value) {

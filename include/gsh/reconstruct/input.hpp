@@ -44,11 +44,13 @@ struct ReconstructionInput {
     std::vector<std::string> warnings;               ///< about the input, for its author
 
     [[nodiscard]] const BodyModel& body(std::size_t person = 0) const { return bodies[people[person].body]; }
-    [[nodiscard]] RegionLists regions_of(std::size_t person) const {
-        return regions.empty() ? RegionLists() : regions[people[person].body];
+    [[nodiscard]] const RegionLists& regions_of(std::size_t person) const {
+        static const RegionLists none;
+        return regions.empty() ? none : regions[people[person].body];
     }
-    [[nodiscard]] EstimatedPriors priors_of(std::size_t person) const {
-        return priors.empty() ? EstimatedPriors() : priors[person];
+    [[nodiscard]] const EstimatedPriors& priors_of(std::size_t person) const {
+        static const EstimatedPriors none;
+        return priors.empty() ? none : priors[person];
     }
     [[nodiscard]] BodyRegions body_regions_of(std::size_t person) const {
         return body_regions(body(person), regions_of(person));

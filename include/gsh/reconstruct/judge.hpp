@@ -38,7 +38,8 @@ public:
         : backend_(&backend), input_(&input) {
         for (std::size_t p = 0; p < input.people.size(); ++p) {
             const BodyRegions regions = input.body_regions_of(p);
-            regions_.push_back({{"face", regions.face}, {"hands", regions.left_hand}});
+            regions_.push_back({{std::string(judged_regions[0]), regions.face},
+                                {std::string(judged_regions[1]), regions.left_hand}});
             auto& hands = regions_.back()[1].vertices;
             hands.insert(hands.end(), regions.right_hand.begin(), regions.right_hand.end());
         }
