@@ -48,6 +48,14 @@ struct CameraGradient {
     }
 };
 
+/// The camera of an image reduced by averaging factor x factor pixels. Incomplete blocks at the right and at the bottom
+/// are dropped.
+[[nodiscard]] inline Camera<double> reduced_camera(Camera<double> camera, int factor) {
+    camera.fx /= factor, camera.fy /= factor, camera.cx /= factor, camera.cy /= factor;
+    camera.width /= factor, camera.height /= factor;
+    return camera;
+}
+
 /// World point in camera coordinates.
 template <Lane T>
 [[nodiscard]] GSH_HD vec3<T> to_camera(const Camera<T>& camera, const vec3<T>& point) {

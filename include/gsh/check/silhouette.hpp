@@ -64,15 +64,6 @@ struct Silhouette {
     }
 };
 
-/// The camera of an image reduced by averaging reduction x reduction pixels. Incomplete blocks at the right and at the
-/// bottom are dropped.
-[[nodiscard]] inline Camera<double> reduced_camera(const Camera<double>& camera, int reduction) {
-    Camera<double> result = camera;
-    result.fx /= reduction, result.fy /= reduction, result.cx /= reduction, result.cy /= reduction;
-    result.width /= reduction, result.height /= reduction;
-    return result;
-}
-
 /// The pixels at which the mean alpha of reduction x reduction pixels is at least 1/2.
 ///
 /// Shapes  image RGBA.

@@ -27,13 +27,6 @@ namespace gsh {
     return std::max(1, static_cast<int>(std::lround(longest / static_cast<double>(std::max(pixels, 1)))));
 }
 
-/// A camera for pictures that are reduced by a whole factor.
-[[nodiscard]] inline Camera<double> reduced_camera(Camera<double> camera, int factor) {
-    camera.height /= factor, camera.width /= factor;
-    for (double* number : {&camera.fx, &camera.fy, &camera.cx, &camera.cy}) *number /= factor;
-    return camera;
-}
-
 /// Copies of photographs, reduced by a whole factor. A mask's outline is believed, because it is finer than a pixel,
 /// and colours have the resolution of their brightness. A pixel is hidden if one of those that it is made of is.
 class ReducedPhotos {
