@@ -1,19 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 /// @file  Story 7: gsh's trainer trains a part that gsh does not have. Every second frame of a capture is darker. The
 /// part is a brightness factor per frame, in the place of the avatar's shadow. Training finds the factors.
-#include <gsh/avatar/rig.hpp>
+#include <filmed_actor.hpp>
 #include <gsh/backend/sum.hpp>
-#include <gsh/body/surface_samples.hpp>
-#include <gsh/cpu.hpp>
-#include <gsh/io/capture/photos.hpp>
-#include <gsh/pipeline/avatar_model.hpp>
 #include <gsh/pipeline/shared_field.hpp>
-#include <gsh/synthetic/actor.hpp>
-#include <gsh/synthetic/actor_motion.hpp>
-#include <gsh/synthetic/studio.hpp>
-#include <gsh/train/avatar_scene.hpp>
-#include <gsh/train/trainer.hpp>
-
 #include <story.hpp>
 using namespace gsh;
 using Device = cpu::Threads; // another backend is a change of this line
@@ -39,25 +29,21 @@ struct Exposure : PlainShadow<Device> {
 void story(const std::filesystem::path&) {
     // 2. Four frames of the built-in actor. Frames 1 and 3 are darkened to 60%.
     Device backend;
-    const BodyModel body = make_actor({.edge_scale = 1.5});
-    const Motion motion = actor_motion(ActorMotion::talk, 4);
-    Capture capture = film(backend, body, motion, {.image_size = 128, .samples = 4, .light = {}});
+    examples::FilmedActor actor(backend);
+    Capture& capture = actor.capture;
     for (std::size_t image = 1; image < capture.images.size(); image += 2) // frames vary fastest
         for (std::size_t i = 0; i < capture.images[image].data.size(); ++i)
             if (std::uint8_t& byte = capture.images[image].data[i]; i % 4 < 3) byte = std::uint8_t(0.6 * byte + 0.5);
 
     // 3. The part above together with parts of gsh, and gsh's trainer.
-    const auto vertices = shaped_vertices(body, motion.betas);
-    const SurfaceSamples skin = sample_surface(body, vertices, std::vector(vertices.size(), 1.0), 1, {.total = 4000});
-    const auto points = std::make_shared<const CanonicalPoints<Device>>(backend, skin.positions);
-    AvatarModel model(backend, make_rig(body, motion.betas, skin), skin, points, SharedField<Device>(backend, points),
-                      Exposure(backend, motion.frame_count()), {.shadow_start = 0});
-    AvatarScene scene(backend, model, motion);
+    AvatarModel model(backend, actor.rig, actor.skin, actor.points, SharedField<Device>(backend, actor.points),
+                      Exposure(backend, actor.motion.frame_count()), {.shadow_start = 0});
+    AvatarScene scene(backend, model, actor.motion);
     Trainer trainer(backend, scene, photos_of(capture, false), 1, {.gain = {}}); // no gains: the part does their work
     for (int step = 0; step < 200; ++step) trainer.step(step / 200.0);
 
     // 4. The result.
-    std::vector<float> g(motion.frame_count());
+    std::vector<float> g(actor.motion.frame_count());
     backend.download(Span<const float>(model.shadow().g.values()), Span<float>(g));
     const double ratio = std::exp(0.5 * (g[1] + g[3] - g[0] - g[2]));
     examples::claim(std::abs(ratio - 0.6) < 0.05, "the factor of dark frames is 0.6, found " + std::to_string(ratio));

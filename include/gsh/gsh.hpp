@@ -227,6 +227,7 @@
 #include <gsh/pipeline/learned_array.hpp>
 #include <gsh/pipeline/learned_field.hpp>
 #include <gsh/pipeline/learned_light.hpp>
+#include <gsh/pipeline/loss_term.hpp>
 #include <gsh/pipeline/part_size.hpp>
 #include <gsh/pipeline/photo.hpp>
 #include <gsh/pipeline/photo_gain.hpp>

@@ -8,8 +8,14 @@
 
 namespace gsh {
 class AnyReconstruction;
+struct Observer;
 struct PixelFilter;
+struct Recipe;
+struct ReconstructionInput;
 struct ReconstructionSetup;
+namespace cpu {
+class Threads;
+}
 namespace cuda {
 class Device;
 }
@@ -33,6 +39,10 @@ std::string name_of(const cuda::Device& gpu);
 
 /// The most bytes that gsh has taken of its memory.
 std::uint64_t peak_memory_of(const cuda::Device& gpu);
+
+/// register_people on a GPU.
+void register_on(cuda::Device& gpu, cpu::Threads& host, ReconstructionInput& input, const Recipe& recipe,
+                 const Observer& observer);
 
 /// What make_reconstruction, make_static_reconstruction and make_renderer return for a machine with a GPU. `gpu` must
 /// outlive the result, and so must what make_… requires to.

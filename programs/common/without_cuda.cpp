@@ -24,6 +24,9 @@ std::string name_of(const cuda::Device&) {
 std::uint64_t peak_memory_of(const cuda::Device&) {
     refuse_cuda();
 }
+void register_on(cuda::Device&, cpu::Threads&, ReconstructionInput&, const Recipe&, const Observer&) {
+    refuse_cuda();
+}
 std::unique_ptr<AnyReconstruction> reconstruction_on(cuda::Device&, ReconstructionSetup&&) {
     refuse_cuda();
 }

@@ -15,7 +15,9 @@
 namespace gsh::programs {
 
 void register_shown(Machine& machine, ReconstructionInput& input, const Recipe& recipe) {
-    register_people(machine.host(), input, recipe, shown_progress());
+    const Observer progress = shown_progress();
+    if (machine.has_gpu()) register_on(*machine.gpu(), machine.host(), input, recipe, progress);
+    else register_people(machine.host(), input, recipe, progress);
 }
 
 ReconstructionSetup make_setup(Machine& machine, const ReconstructionInput& input, const Recipe& recipe) {

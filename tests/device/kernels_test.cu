@@ -29,6 +29,7 @@
 #include <gsh/pipeline/photo_loss.hpp>
 #include <gsh/pipeline/static_model.hpp>
 #include <gsh/render/tiles.hpp>
+#include <gsh/train/keypoint_term.hpp>
 #include <gsh/train/refinement.hpp>
 #include <gsh/train/step_history.hpp>
 
@@ -170,6 +171,7 @@ using Bodies = Types<
     gsh::detail::ApplyGain<T>, gsh::detail::ApplyGainBackward<T>, gsh::detail::MoveGains<T>,
     gsh::detail::KeepMoments<T>,
     gsh::detail::Difference<T>, gsh::detail::Accumulate<T>, gsh::detail::Accumulate<vec3<T>>,
+    gsh::detail::KeypointPull<T>,
     gsh::detail::ObserveSplats<T>, gsh::detail::DecideFates<T>, gsh::detail::DescendGaussian<T>,
     gsh::detail::DescendMoments<T>, gsh::detail::LimitFromAbove<T>, gsh::detail::StoreStepValue,
     gsh::detail::AoFromLogit<T>, gsh::detail::AoFromLogitBackward<T>, gsh::detail::PoseOfNeurons<T>,

@@ -131,6 +131,28 @@ TEST_CASE("two people on a backend whose memory the host cannot access have the 
     check_same(threads, other);
 }
 
+TEST_CASE("poses are registered on the backend that trains, with the bits of the threads") {
+    cpu::Threads host(2);
+    test::Guarded guarded;
+    Recipe recipe = small_recipe(1);
+    recipe.refine = true, recipe.fine_registration = 1, recipe.gaussians = 50;
+    const Threads threads(host, small_input(), recipe);
+    const Reconstruction<test::Guarded> other(guarded, host, small_input(), recipe);
+    REQUIRE(other.setup.registered);
+    CHECK(other.input()->people[0].motion.pose == threads.input()->people[0].motion.pose);
+    CHECK(other.input()->people[0].motion.pose != small_input().people[0].motion.pose);
+    CHECK(other.input()->registration->frame_fit == threads.input()->registration->frame_fit);
+}
+
+TEST_CASE("without refine, there are no refined motions and no fit of test poses") {
+    cpu::Threads backend(2);
+    Threads person(backend, small_input(), small_recipe());
+    const auto says = doctest::Contains("the poses are not refined; make the reconstruction with Recipe::refine");
+    CHECK_THROWS_WITH_AS((void)person.refined_motion(0), says, ValueError);
+    CHECK_THROWS_WITH_AS((void)person.refine_test_poses(), says, ValueError);
+    CHECK_THROWS_WITH_AS(person.end_test_refinement(), says, ValueError);
+}
+
 TEST_CASE("the pixels of photographs are kept once, in the setup, and the motions are the given ones without refine") {
     cpu::Threads backend(2);
     const ReconstructionInput input = small_input();

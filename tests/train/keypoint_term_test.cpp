@@ -6,6 +6,7 @@
 
 #include "support/bodies.hpp"
 #include "support/gradient.hpp"
+#include "support/guarded.hpp"
 
 #include <doctest/doctest.h>
 
@@ -75,8 +76,8 @@ TEST_CASE("keypoints at the projected landmarks cost nothing; off by d they cost
         for (const Keypoint& point : view.points) sum += point.confidence * (std::sqrt(1 + 2.5 * 2.5) - 1);
     CHECK(off.value(0, scene.pose) == doctest::Approx(3 * sum / 8));
     CHECK(off.value(1, scene.pose) == 0); // a frame without keypoints
-    CHECK(off.has(0));
-    CHECK(!off.has(1));
+    CHECK(off.counts(0));
+    CHECK(!off.counts(1));
 }
 
 TEST_CASE("the adjoint is the gradient with respect to pose, transl and coefficients, and adds") {
@@ -102,16 +103,22 @@ TEST_CASE("the adjoint is the gradient with respect to pose, transl and coeffici
 TEST_CASE("the adjoint's values are those of the body's own joints under every backend") {
     Observed scene;
     cpu::Threads threads(2);
+    test::Guarded guarded;
     const auto numbers = [&](auto& backend) {
         using B = std::remove_reference_t<decltype(backend)>;
         RigPose<B, double> pose;
         Rig<B, double>(backend, scene.rig).upload_pose(scene.motion, 0, pose);
         KeypointTerm<B, double> term(backend, scene.rig, scene.views(6), scene.marks);
-        std::vector<vec3<double>> dL_dpose(4, vec3<double>(0));
+        typename B::template Buffer<vec3<double>> dL_dpose(4);
+        backend.fill(Span<vec3<double>>(dL_dpose), vec3<double>(0));
         term.backward(0, pose, {.pose = dL_dpose, .coefficients = {}, .transl = {}});
-        return dL_dpose;
+        std::vector<vec3<double>> host(4);
+        backend.download(Span<const vec3<double>>(dL_dpose), Span<vec3<double>>(host));
+        host.push_back(vec3<double>(term.value(0, pose)));
+        return host;
     };
     CHECK(numbers(threads) == numbers(scene.backend));
+    CHECK(numbers(guarded) == numbers(scene.backend));
 }
 
 TEST_CASE("each person gets the nearest detection, once; other points and doubtful ones are left out") {

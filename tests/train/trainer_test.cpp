@@ -14,6 +14,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <numeric>
 #include <optional>
 #include <utility>
 #include <vector>
@@ -96,7 +97,142 @@ struct Plates {
     }
 };
 
+/// The mean squared error, as a user of the trainer would write it.
+struct SquaredError {
+    struct Cache {
+        std::vector<double> values = std::vector<double>(4, 0);
+    };
+    void forward(const ImageView<const float>& render, const ImageView<const float>& truth, Cache& cache) const {
+        double sum = 0;
+        for (std::size_t i = 0; i < render.data.size(); ++i) sum += std::pow(render.data[i] - truth.data[i], 2);
+        const double mse = sum / static_cast<double>(render.data.size()), unknown = std::nan("");
+        cache.values = {mse, unknown, unknown, mse};
+    }
+    void backward(const ImageView<const float>& render, const ImageView<const float>& truth, float weight, Cache&,
+                  const ImageView<float>& dL_drender) const {
+        const float scale = 2 * weight / static_cast<float>(render.data.size());
+        for (std::size_t i = 0; i < render.data.size(); ++i)
+            dL_drender.data[i] += scale * (render.data[i] - truth.data[i]);
+    }
+    [[nodiscard]] PhotometricValues values(const Cache& cache) const {
+        return PhotometricValues::from(cache.values.data());
+    }
+};
+
+/// gsh's rasterizer, which counts its pictures.
+struct CountingRasterizer {
+    Rasterizer<cpu::Serial> of;
+    int* pictures;
+
+    using Cache = RasterCache<cpu::Serial, float>;
+    void forward(const Deferred<Camera<float>>& camera, const SplatView<const float>& splats,
+                 const Background<float>& background, const RenderTarget<float>& target, Cache& cache) const {
+        ++*pictures;
+        of.forward(camera, splats, background, target, cache);
+    }
+    void backward(const Deferred<Camera<float>>& camera, const SplatView<const float>& splats,
+                  const Background<float>& background, const RenderGradient<float>& dL_dtarget, Cache& cache,
+                  const SplatView<float>& dL_dsplats, Span<CameraGradient<float>> dL_dcamera) const {
+        of.backward(camera, splats, background, dL_dtarget, cache, dL_dsplats, dL_dcamera);
+    }
+    void mend(Cache& cache) const { of.mend(cache); }
+};
+
 } // namespace
+
+/// Each number moves by its rate against the sign of its gradient. In a namespace of its own, as a user's would be.
+namespace users {
+struct SignDescent {
+    double share = 1; // of the rates
+};
+void take_steps(cpu::Serial&, const SignDescent& optimizer, const LearnedArrays<float>& arrays, double factor,
+                std::int64_t) {
+    for (const LearnedArray<float>& array : arrays)
+        for (std::size_t i = 0; i < array.values.size(); ++i) {
+            const float g = std::exchange(array.gradient[i], 0.0f);
+            array.values[i] -= static_cast<float>(optimizer.share * factor * array.rate) *
+                               static_cast<float>((g > 0) - (g < 0));
+        }
+}
+} // namespace users
+
+TEST_CASE("a user's image loss, rasterizer, optimiser and gains take the places of gsh's") {
+    const SmallScene scene;
+    SmallTraining<cpu::Serial> given(scene), model(scene), with_loss(scene), with_steps(scene);
+    const PhotoLossParams params = photo_loss_params(test::small_training);
+    cpu::Serial backend;
+
+    // Parts that only pass on what they get leave every bit as it is.
+    int pictures = 0;
+    const CountingRasterizer counting{Rasterizer<cpu::Serial>(backend, raster_params<float>(params.filter)), &pictures};
+    PhotoLoss loss(backend, params, PhotometricLoss<cpu::Serial>(backend, {.ssim_weight = float(params.ssim_weight)}),
+                   counting);
+    Trainer<cpu::Serial, AvatarScene<cpu::Serial, test::SmallAvatar<cpu::Serial>>, float, decltype(loss)> same(
+        model.backend, model.people, scene.photos, 3, test::small_training, std::move(loss), Adam(),
+        PhotoGains<cpu::Serial>(backend, scene.photos, test::small_training.gain));
+    given.steps(3);
+    for (int i = 0; i < 3; ++i) same.step(0);
+    CHECK(pictures == 3);
+    CHECK(given.parameters() == model.parameters());
+    CHECK(same.gains().gains() == given.trainer.gains().gains());
+    same.release_memory();
+    same.step(0);
+    given.steps(1);
+    CHECK(given.parameters() == model.parameters());
+
+    // Others train, too.
+    PhotoLoss<cpu::Serial, float, SquaredError> squared(backend, params, SquaredError());
+    Trainer of_squares(with_loss.backend, with_loss.people, scene.photos, 3, test::small_training, std::move(squared));
+    const auto improves = [](auto& trainer) {
+        std::vector<double> loss_of_step;
+        for (int i = 0; i < 60; ++i) trainer.step(0), loss_of_step.push_back(trainer.last_loss().loss);
+        const auto mean = [&](std::size_t from) {
+            return std::accumulate(loss_of_step.begin() + std::ptrdiff_t(from), loss_of_step.begin() + std::ptrdiff_t(from) + 8, 0.0);
+        };
+        return mean(52) / mean(0);
+    };
+    CHECK(improves(of_squares) < 0.7);
+    CHECK(of_squares.last_loss().loss == doctest::Approx(std::pow(10, -of_squares.last_psnr() / 10)));
+    Trainer by_sign(with_steps.backend, with_steps.people, scene.photos, 3, test::small_training,
+                    PhotoLoss<cpu::Serial>(backend, params), users::SignDescent{0.5});
+    CHECK(improves(by_sign) < 0.9);
+}
+
+TEST_CASE("a term of the loss gets each frame that counts, with a gradient where the motion learns") {
+    struct Spy final : LossTerm<cpu::Serial> {
+        std::vector<std::size_t> frames;
+        std::vector<bool> learns;
+        bool counts(std::size_t frame) const override { return frame != 1; }
+        void backward(std::size_t frame, const RigPose<cpu::Serial>& pose, const RigPoseGradient<float>& dL_dpose) override {
+            frames.push_back(frame), learns.push_back(!dL_dpose.empty());
+            CHECK(pose.pose.size() == 4);
+            if (!dL_dpose.transl.empty()) dL_dpose.transl[0] += vec3<float>(1, 0, 0);
+        }
+    };
+    const PosedScene posed;
+    Estimated still(posed.truth, posed.cameras), pushed(posed.truth, posed.cameras);
+    const RefinementConfig config{.pose = {}, .transl = {.rate = 1e-3}, .expression = {}, .betas = {}, .pose_bias = {},
+                                  .transl_bias = {}};
+    still.refine(config), pushed.refine(config);
+    Spy term;
+    pushed.people.add(term);
+    CHECK_THROWS_AS(pushed.people.add(term, 1), ValueError);
+    still.train(15), pushed.train(15);
+    CHECK(std::count(term.frames.begin(), term.frames.end(), 1u) == 0);
+    CHECK(term.frames.size() == 12); // 15 photographs of 5 frames, 3 of them of frame 1
+    CHECK(std::count(term.learns.begin(), term.learns.end(), true) == 12);
+    const auto shift = [&](std::size_t frame) {
+        return pushed.refinement->motion().transl[frame].x - still.refinement->motion().transl[frame].x;
+    };
+    CHECK(shift(0) < -1e-3); // the term's gradient is far larger than that of the photographs
+    CHECK(std::abs(shift(1)) < 1e-3);
+
+    Spy without;
+    Estimated fixed(posed.truth, posed.cameras);
+    fixed.people.add(without);
+    fixed.train(3);
+    CHECK(std::count(without.learns.begin(), without.learns.end(), true) == 0);
+}
 
 TEST_CASE("training learns") {
     const SmallScene scene;

@@ -106,11 +106,11 @@ struct AvatarParams {
 };
 
 /// Poses an avatar. Its fields were evaluated when it was exported. A frame costs skinning and shading and, with an
-/// occlusion field, most of one small network.
+/// occlusion field, most of one small network. D is a DeformationPolicy, or the data name one of gsh's.
 ///
 /// Frame   see RigData (canonical) and Camera (world).
 /// Errors  ShapeError if rig and Gaussians differ in number, or if the occlusion field belongs to another body.
-template <Backend B, std::floating_point T = float>
+template <Backend B, std::floating_point T = float, class D = NamedDeformation>
 class Avatar {
 public:
     template <class U>
@@ -118,7 +118,7 @@ public:
 
     /// One per frame in flight.
     struct Cache {
-        typename Poser<B, T>::Cache poser;
+        typename Poser<B, T, D>::Cache poser;
         Buffer<T> ao, dL_dao;           // [N] of this pose, if there is an occlusion field
         Buffer<mat3<T>> dL_drotations;  // [J], likewise
         typename OcclusionField<B, T>::Cache occlusion_field;
@@ -245,7 +245,7 @@ private:
     }
 
     B* backend_;
-    Poser<B, T> poser_;
+    Poser<B, T, D> poser_;
     Gaussians<B, T> gaussians_;
     Buffer<vec3<T>> joints_;
     bool shadows_ = true;

@@ -78,8 +78,8 @@ struct RotatedDirection {
     }
 };
 
-/// A policy of skinning. Its bones and their blends have the type Bone<T>, with zero() and add_scaled(). A Transform<T>
-/// is made from a blend and has:
+/// A policy of skinning. Its bones and their blends have the type Bone<T>, an Affine or a dual quaternion. A
+/// Transform<T> is made from a blend and has:
 ///
 ///     map()   the affine map that moves the mean
 ///     turn()  the matrix that transforms covariance and direction
@@ -202,6 +202,9 @@ struct DualQuaternionBlend {
 static_assert(DeformationPolicy<LinearBlend> && DeformationPolicy<PolarBlend> &&
               DeformationPolicy<DualQuaternionBlend>);
 
+/// The deformation that a setting names (SkinnedSplatsParams), in the place of a policy.
+struct NamedDeformation {};
+
 namespace detail {
 
 /// Calls f with the policy of that name: turns a value known at run time into a type.
@@ -212,6 +215,13 @@ void with_deformation(Deformation deformation, const F& f) {
     case Deformation::polar: return f(PolarBlend());
     case Deformation::dual_quaternion: return f(DualQuaternionBlend());
     }
+}
+
+/// Calls f with the policy D or, for NamedDeformation, with the one of that name.
+template <class D, class F>
+void with_deformation_policy(Deformation deformation, const F& f) {
+    if constexpr (std::same_as<D, NamedDeformation>) with_deformation(deformation, f);
+    else f(D());
 }
 
 template <class T>

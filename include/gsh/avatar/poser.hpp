@@ -54,7 +54,7 @@ struct PoserLightGradient {
 ///
 /// Shapes  N points and J joints of the rig; `gaussians` holds all attributes but means and weights.
 /// Frame   see RigData (canonical) and Camera (world).
-template <Backend B, std::floating_point T = float>
+template <Backend B, std::floating_point T = float, class D = NamedDeformation>
 class Poser {
 public:
     template <class U>
@@ -165,8 +165,8 @@ public:
 
 private:
     template <int Degree>
-    [[nodiscard]] SkinnedSplats<B, Degree, T> skin() const {
-        return SkinnedSplats<B, Degree, T>(*backend_, params_);
+    [[nodiscard]] SkinnedSplats<B, Degree, T, D> skin() const {
+        return SkinnedSplats<B, Degree, T, D>(*backend_, params_);
     }
     [[nodiscard]] SkinnedView<const T> posed(SkinnedView<const T> gaussians, const Cache& cache) const {
         gaussians.means = cache.means;

@@ -35,7 +35,7 @@ struct SkinnedSplatsScratch {
 /// The settings of SkinnedSplats.
 struct SkinnedSplatsParams {
     ColorClamp clamping = ColorClamp::both;        ///< the colours of a photograph lie in [0, 1]
-    Deformation deformation = Deformation::linear; ///< the paper's
+    Deformation deformation = Deformation::linear; ///< the paper's; for NamedDeformation
 };
 
 /// Working storage of both passes, kept from step to step.
@@ -126,13 +126,14 @@ void skinned_splats_accumulate(B&, const Arguments&...) {
 }
 
 /// Poses the Gaussians of an avatar. Both passes blend the bones anew for each Gaussian, which reads less memory than a
-/// stored blend.
+/// stored blend. D is a DeformationPolicy, or the settings name one of gsh's.
 ///
 /// Shapes  gaussians [N], bones [J], splats [N]; center [3].
 /// Frame   bones: world from canonical, rigid for Deformation::dual_quaternion; center: of the camera, in the world
 ///         (Camera::center()).
 /// Errors  ShapeError where a size does not match.
-template <Backend B, int Degree, std::floating_point T = float>
+template <Backend B, int Degree, std::floating_point T = float, class D = NamedDeformation>
+    requires std::same_as<D, NamedDeformation> || DeformationPolicy<D>
 class SkinnedSplats {
 public:
     using Params = SkinnedSplatsParams;
@@ -152,9 +153,9 @@ public:
         check_memory(*backend_, where, "gaussians", gaussians);
         check_memory(*backend_, where, "bones", bones);
         check_memory(*backend_, where, "splats", splats);
-        detail::with_deformation(params_.deformation, [&]<class D>(D) {
-            const auto own = detail::bones_of<D>(*backend_, bones, cache);
-            skinned_splats_pose(*backend_, detail::SkinnedSplatForward<Degree, T, D>{
+        detail::with_deformation_policy<D>(params_.deformation, [&]<class Policy>(Policy) {
+            const auto own = detail::bones_of<Policy>(*backend_, bones, cache);
+            skinned_splats_pose(*backend_, detail::SkinnedSplatForward<Degree, T, Policy>{
                                                {gaussians, own, center, stride(gaussians)}, params_.clamping, splats});
         });
     }
@@ -178,18 +179,18 @@ public:
         check_memory(*backend_, where, "dL_dgaussians", dL_dgaussians);
         check_memory(*backend_, where, "dL_dbones", dL_dbones);
         check_memory(*backend_, where, "dL_dcenter", dL_dcenter);
-        detail::with_deformation(params_.deformation, [&]<class D>(D) {
-            const auto own = detail::bones_of<D>(*backend_, bones, cache);
-            const auto dL_down = detail::bone_gradients_of<D>(*backend_, dL_dbones, cache);
+        detail::with_deformation_policy<D>(params_.deformation, [&]<class Policy>(Policy) {
+            const auto own = detail::bones_of<Policy>(*backend_, bones, cache);
+            const auto dL_down = detail::bone_gradients_of<Policy>(*backend_, dL_dbones, cache);
             skinned_splats_accumulate(
                 *backend_,
-                detail::SkinnedSplatBackward<Degree, T, D>{{gaussians, own, center, stride(gaussians)},
+                detail::SkinnedSplatBackward<Degree, T, Policy>{{gaussians, own, center, stride(gaussians)},
                                                            params_.clamping,
                                                            dL_dsplats,
                                                            dL_dgaussians,
                                                            stride(dL_dgaussians)},
                 dL_down, dL_dcenter, cache.scratch);
-            if constexpr (!std::is_same_v<typename D::template Bone<T>, Affine<T>>)
+            if constexpr (!std::is_same_v<typename Policy::template Bone<T>, Affine<T>>)
                 backend_->for_each(dL_dbones.size(),
                                    detail::BonesAsDualQuatsBackward<T>{bones, own, dL_down, dL_dbones});
         });

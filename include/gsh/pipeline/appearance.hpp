@@ -44,7 +44,8 @@ struct ColorGradient {
 ///     backward(frame, dL_dmeans)  adjoint of forward, from that gradient and dL_dmeans [N], which is that of the
 ///                                 displacements, too; adds to the gradients of learned()
 ///     reads_time()                whether forward depends on the frame
-///     lookups()                   number of table rows that forward reads
+///
+/// An appearance may also have lookups(), the number of table rows that forward reads, for reports.
 template <class A, class T>
 concept AppearancePolicy = requires(A& appearance, const A& constant, std::size_t frame, Span<vec3<T>> dL_dmeans) {
     requires std::same_as<std::remove_cvref_t<decltype(A::sh_degree)>, int>;
@@ -54,8 +55,14 @@ concept AppearancePolicy = requires(A& appearance, const A& constant, std::size_
     appearance.backward(frame, dL_dmeans);
     { appearance.learned() } -> std::same_as<LearnedArrays<T>>;
     { constant.reads_time() } -> std::same_as<bool>;
-    { constant.lookups() } -> std::convertible_to<std::size_t>;
 };
+
+/// The table rows that an appearance reads: none where it does not say.
+template <class A>
+[[nodiscard]] std::size_t lookups_of(const A& appearance) {
+    if constexpr (requires { appearance.lookups(); }) return appearance.lookups();
+    else return 0;
+}
 
 /// Any appearance of one degree, chosen at run time. Each pass costs a virtual call.
 template <std::floating_point T, int Degree>
@@ -98,7 +105,7 @@ private:
         void backward(std::size_t frame, Span<vec3<T>> dL_dmeans) override { policy.backward(frame, dL_dmeans); }
         [[nodiscard]] LearnedArrays<T> learned() override { return policy.learned(); }
         [[nodiscard]] bool reads_time() const override { return policy.reads_time(); }
-        [[nodiscard]] std::size_t lookups() const override { return policy.lookups(); }
+        [[nodiscard]] std::size_t lookups() const override { return lookups_of(policy); }
     };
     std::unique_ptr<Interface> self_;
 };

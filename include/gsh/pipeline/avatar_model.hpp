@@ -2,6 +2,7 @@
 /// @file  The trainable avatar: appearance, shadow, rig and skinning turn learned arrays into splats of a pose.
 #pragma once
 
+#include <gsh/avatar/deformation.hpp>
 #include <gsh/avatar/poser.hpp>
 #include <gsh/avatar/rig.hpp>
 #include <gsh/avatar/skinned_gaussian.hpp>
@@ -57,10 +58,13 @@ struct DisplacedMeans {
 /// There are two calls, so that several views of a frame evaluate the appearance once: `update_canonical` runs the
 /// appearance, `pose` the rest. `backward` is the adjoint of both.
 ///
+/// D is a DeformationPolicy, or Params::deformation names one of gsh's. Files can store only the latter.
+///
 /// Shapes  N points, J joints of the rig.
 /// Source  paper §3.3 to §3.5; with SeparateFields and neither regions nor prior features its direct baseline,
 ///         Liu et al., "Animatable 3D Gaussian", 2024.
-template <Backend B, class Appearance, class Shadow = NoShadow<B>, std::floating_point T = float>
+template <Backend B, class Appearance, class Shadow = NoShadow<B>, std::floating_point T = float,
+          class D = NamedDeformation>
     requires AppearancePolicy<Appearance, T> && ShadowPolicy<Shadow, B, T>
 class AvatarModel {
 public:
@@ -73,7 +77,7 @@ public:
 
     /// What forward stores for backward.
     struct Cache {
-        typename Poser<B, T>::Cache poser;
+        typename Poser<B, T, D>::Cache poser;
         Buffer<T> ao, dL_dao; // [N], or empty without a shadow
     };
 
@@ -281,7 +285,7 @@ private:
 
     B* backend_;
     Params params_;
-    Poser<B, T> poser_;
+    Poser<B, T, D> poser_;
     SharedPoints<B, T> points_; // x₀
     Appearance appearance_;
     Shadow shadow_;

@@ -133,4 +133,12 @@ void take_steps(B& backend, const Adam& adam, const LearnedArrays<T>& arrays, do
                     [&](std::size_t i) { take_step(backend, adam, arrays[i], factor, step_number); });
 }
 
+/// An optimiser changes learned arrays by their gradients, each at its own rate times a factor, and leaves gradients of
+/// zero. Adam is one. Another one has an overload of take_steps in its own namespace.
+template <class O, class B, class T>
+concept ArrayOptimizer = requires(B& backend, const O& optimizer, const LearnedArrays<T>& arrays, double factor,
+                                  std::int64_t step_number) {
+    take_steps(backend, optimizer, arrays, factor, step_number);
+};
+
 } // namespace gsh

@@ -16,6 +16,7 @@
 #include <gsh/pipeline/backdrop.hpp>
 #include <gsh/pipeline/photo.hpp>
 #include <gsh/pipeline/photo_pixels.hpp>
+#include <gsh/render/raster_cache.hpp>
 #include <gsh/render/rasterizer.hpp>
 
 #include <array>
@@ -23,6 +24,7 @@
 #include <concepts>
 #include <cstddef>
 #include <cstdint>
+#include <utility>
 
 namespace gsh {
 
@@ -54,7 +56,44 @@ struct HiddenGradient {
 
 } // namespace detail
 
-/// loss = (1 - λ) L1 + λ (1 - SSIM) of render and photograph, plus mask_weight times the mean of |alpha - mask|.
+/// A loss of a picture against a photograph, as PhotometricLoss is one:
+///
+///     forward(render, truth, cache)                        compares two pictures [3, height, width]
+///     backward(render, truth, weight, cache, dL_drender)   adds weight times the gradient
+///     values(cache)                                        returns loss, L1, SSIM, mean squared error (NaN: unknown)
+///
+/// The member `values` of its Cache has the same four numbers in the backend's memory. A loss may also read a
+/// CompositePicture as truth, where the backend can (photometric_composites).
+template <class L, class T>
+concept ImageLossPolicy = requires(const L& loss, const ImageView<const T>& picture, T weight, typename L::Cache& cache,
+                                   const ImageView<T>& dL_drender) {
+    loss.forward(picture, picture, cache);
+    loss.backward(picture, picture, weight, cache, dL_drender);
+    { loss.values(cache) } -> std::same_as<PhotometricValues>;
+    { cache.values } -> std::convertible_to<Span<const double>>;
+};
+
+/// What draws the splats, with Rasterizer's calls and its Cache, from which density control reads.
+template <class R, class B, class T>
+concept RasterizerPolicy =
+    requires(const R& rasterizer, const Deferred<Camera<T>>& camera, const SplatView<const T>& splats,
+             const Background<T>& background, const RenderTarget<T>& target, const RenderGradient<T>& dL_dtarget,
+             RasterCache<B, T>& cache, const SplatView<T>& dL_dsplats, Span<CameraGradient<T>> dL_dcamera) {
+        rasterizer.forward(camera, splats, background, target, cache);
+        rasterizer.backward(camera, splats, background, dL_dtarget, cache, dL_dsplats, dL_dcamera);
+        rasterizer.mend(cache);
+    };
+
+struct PhotoLossParams {
+    PixelFilter filter = {};                   ///< of gsh's rasterizer
+    double ssim_weight = 0.2;                  ///< λ of gsh's loss
+    double mask_weight = 0;                    ///< 0: masks are not compared
+    std::array<double, 3> background{1, 1, 1}; ///< of photographs without a plate
+    double gradient_transmittance_min = 0;     ///< of gsh's rasterizer, see RasterParams
+};
+
+/// loss = image loss of render and photograph, plus mask_weight times the mean of |alpha - mask|. By default, the image
+/// loss is (1 - λ) L1 + λ (1 - SSIM). Another one and another rasterizer are template arguments.
 ///
 /// Render and photograph have the same background: the photograph's plate, or a plain colour. At hidden pixels
 /// (UnknownPixel) they count as equal, and the render gets no gradient. A step calls set_photo, render, compare and
@@ -64,25 +103,31 @@ struct HiddenGradient {
 /// Units   display-referred sRGB.
 /// Errors  ShapeError, ValueError before any work starts; those of Rasterizer::forward.
 /// Source  Kerbl et al., "3D Gaussian Splatting for Real-Time Radiance Field Rendering", 2023, equation 7.
-template <Backend B, std::floating_point T = float>
+template <Backend B, std::floating_point T = float, class ImageLoss = PhotometricLoss<B, T>,
+          class Renderer = Rasterizer<B, T>>
+    requires ImageLossPolicy<ImageLoss, T> && RasterizerPolicy<Renderer, B, T>
 class PhotoLoss {
 public:
-    struct Params {
-        PixelFilter filter = {};
-        double ssim_weight = 0.2;                  ///< λ
-        double mask_weight = 0;                    ///< 0: masks are not compared
-        std::array<double, 3> background{1, 1, 1}; ///< of photographs without a plate
-        double gradient_transmittance_min = 0;     ///< RasterParams
-    };
+    using Params = PhotoLossParams;
 
     explicit PhotoLoss(B& backend, const Params& params = {})
-        : backend_(&backend), params_(params), backdrop_(params.background),
-          rasterizer_(backend, raster_params_of(params)),
-          half_chroma_(backend), photometric_(backend, {.ssim_weight = T(params.ssim_weight)}), mask_loss_(backend) {
+        requires std::same_as<ImageLoss, PhotometricLoss<B, T>> && std::same_as<Renderer, Rasterizer<B, T>>
+        : PhotoLoss(backend, params, ImageLoss(backend, {.ssim_weight = T(params.ssim_weight)})) {}
+    /// With another image loss.
+    PhotoLoss(B& backend, const Params& params, ImageLoss image_loss)
+        requires std::same_as<Renderer, Rasterizer<B, T>>
+        : PhotoLoss(backend, params, std::move(image_loss), Renderer(backend, raster_params_of(params))) {}
+    /// With another image loss and another rasterizer.
+    PhotoLoss(B& backend, const Params& params, ImageLoss image_loss, Renderer rasterizer)
+        : backend_(&backend), params_(params), backdrop_(params.background), rasterizer_(std::move(rasterizer)),
+          half_chroma_(backend), image_loss_(std::move(image_loss)), mask_loss_(backend) {
         check_value(params.mask_weight >= 0, "PhotoLoss", "mask_weight must not be negative");
     }
 
     [[nodiscard]] const Params& params() const { return params_; }
+
+    /// Frees pictures, photographs and scratch. The next step allocates them again.
+    void release_memory() { *this = PhotoLoss(*backend_, params_, std::move(image_loss_), std::move(rasterizer_)); }
 
     /// The photograph is compared over its plate or, without one, over `background`. render and compare use both from
     /// now on. `pixels` are those of the photograph in the backend's memory (PhotoPixels).
@@ -148,7 +193,7 @@ public:
         hide(render_, truth_);
         if (with_mask()) hide(alpha_, mask_);
         with_truth([&](const auto& truth, const auto& mask) {
-            photometric_.forward(view(render_, 3), truth, photometric_cache_);
+            image_loss_.forward(view(render_, 3), truth, image_cache_);
             if (with_mask()) mask_loss_.forward(view(alpha_, 1), mask, mask_cache_);
         });
     }
@@ -158,12 +203,12 @@ public:
         const double photometric = values().loss;
         return with_mask() ? photometric + params_.mask_weight * mask_loss_.values(mask_cache_).loss : photometric;
     }
-    /// Its photometric part. Waits for the backend.
-    [[nodiscard]] PhotometricValues values() const { return photometric_.values(photometric_cache_); }
+    /// Its part of the pictures. Waits for the backend.
+    [[nodiscard]] PhotometricValues values() const { return image_loss_.values(image_cache_); }
     /// PSNR of the render against the photograph. Waits for the backend.
     [[nodiscard]] double psnr() const { return psnr_of_mse(values().mse); }
     /// The numbers of values() in the backend's memory, [4]: loss, L1, SSIM, mean squared error. Does not wait.
-    [[nodiscard]] Span<const double> values_on_backend() const { return photometric_cache_.values; }
+    [[nodiscard]] Span<const double> values_on_backend() const { return image_cache_.values; }
 
     /// Adjoint of render() and compare(), times the photograph's weight. Takes the arguments of render again. Adds to
     /// dL_dsplats, and to dL_dcamera [1] if that is given.
@@ -174,7 +219,7 @@ public:
         backend_->fill(dL_drender.data, T(0));
         backend_->fill(dL_dalpha.data, T(0));
         with_truth([&](const auto& truth, const auto& mask) {
-            photometric_.backward(view(render_, 3), truth, weight_, photometric_cache_, dL_drender);
+            image_loss_.backward(view(render_, 3), truth, weight_, image_cache_, dL_drender);
             if (with_mask())
                 mask_loss_.backward(view(alpha_, 1), mask, T(params_.mask_weight) * weight_, mask_cache_, dL_dalpha);
         });
@@ -217,7 +262,11 @@ public:
 
 private:
     using Buffer = typename B::template Buffer<T>;
-    static constexpr bool composites = photometric_composites<B>;
+    /// Whether the image loss reads photographs that are not written out.
+    static constexpr bool composites =
+        photometric_composites<B> &&
+        requires(const ImageLoss& loss, const ImageView<const T>& render, const CompositePicture<T>& truth,
+                 typename ImageLoss::Cache& cache) { loss.forward(render, truth, cache); };
 
     [[nodiscard]] static RasterParams<T> raster_params_of(const Params& params) {
         RasterParams<T> of_raster = raster_params<T>(params.filter);
@@ -280,21 +329,22 @@ private:
     Params params_;
     PhotoPixels<B> pixels_; // of a photograph in host memory
     Backdrop<B, T> backdrop_;
-    Rasterizer<B, T> rasterizer_;
+    Renderer rasterizer_;
     HalfChroma<B, T> half_chroma_;
-    PhotometricLoss<B, T> photometric_;
+    ImageLoss image_loss_;
     L1Loss<B, T> mask_loss_;
 
-    bool halve_chroma_ = false;             // of the render, before it is compared
-    T weight_ = T(1);                       // of the photograph
-    int height_ = 0, width_ = 0;            // of the current photograph or picture
-    Span<const UnknownPixel> unknown_;      // of the current photograph
-    bool is_composited_ = false;            // the photograph is read from composite_, not from truth_ and mask_
+    bool halve_chroma_ = false;        // of the render, before it is compared
+    T weight_ = T(1);                  // of the photograph
+    int height_ = 0, width_ = 0;       // of the current photograph or picture
+    Span<const UnknownPixel> unknown_; // of the current photograph
+    bool is_composited_ = false;       // the photograph is read from composite_, not from truth_ and mask_
     CompositePicture<T> composite_;
-    Buffer render_, truth_, dL_drender_;    // [3, height, width]; they keep the memory of the largest
-    Buffer alpha_, mask_, dL_dalpha_;       // [height, width], or empty
-    typename Rasterizer<B, T>::Cache raster_cache_;
-    typename PhotometricLoss<B, T>::Cache photometric_cache_, mask_cache_;
+    Buffer render_, truth_, dL_drender_; // [3, height, width]; they keep the memory of the largest
+    Buffer alpha_, mask_, dL_dalpha_;    // [height, width], or empty
+    RasterCache<B, T> raster_cache_;
+    typename ImageLoss::Cache image_cache_;
+    typename L1Loss<B, T>::Cache mask_cache_;
 };
 
 } // namespace gsh

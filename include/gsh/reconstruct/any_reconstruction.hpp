@@ -65,7 +65,8 @@ public:
     [[nodiscard]] virtual std::vector<AvatarData> avatars() = 0;
     /// The present gain of each training photograph on red, green and blue, in linear light; 1 where none is learned.
     [[nodiscard]] virtual std::vector<std::array<double, 3>> photo_gains() const = 0;
-    /// A person's present motion, with --refine.
+    /// A person's present motion.
+    /// Errors  ValueError without Recipe::refine.
     [[nodiscard]] virtual Motion refined_motion(std::size_t person) const = 0;
 
     /// Fills the Gaussians that no photograph saw, if the configuration says so, and returns their number for each
@@ -73,11 +74,12 @@ public:
     virtual std::vector<std::size_t> fill_unseen() = 0;
     virtual void end_fill() = 0;
 
-    /// With refine: fits the poses of the test frames to the test photographs. The avatars do not change. Several
-    /// people are fitted in turns. Later figures are figures of test-time refinement. Returns false if the observer
-    /// stopped it.
+    /// Fits the poses of the test frames to the test photographs. The avatars do not change. Several people are fitted
+    /// in turns. Later figures are figures of test-time refinement. Returns false if the observer stopped it.
+    /// Errors  ValueError without Recipe::refine.
     virtual bool refine_test_poses(const Observer& observer = {}) = 0;
     /// Restores the poses of training.
+    /// Errors  ValueError without Recipe::refine.
     virtual void end_test_refinement() = 0;
 
     /// The state of the training, for checkpoints. It does not depend on the backend.

@@ -4,6 +4,7 @@
 
 #include <gsh/backend/backend.hpp>
 #include <gsh/backend/serial.hpp>
+#include <gsh/core/error.hpp>
 #include <gsh/io/model/checkpoint.hpp>
 #include <gsh/pipeline/configured_avatar.hpp>
 #include <gsh/pipeline/reduced_photos.hpp>
@@ -45,8 +46,8 @@ public:
     Reconstruction(B& backend, ReconstructionSetup made)
         : Reconstruction(backend, taken_priors(made), std::move(made)) {}
 
-    /// Of a capture and its people. Does all that comes before the first step on `host`: registers poses (with
-    /// recipe.refine), places Gaussians, estimates the light. Both backends must outlive this object.
+    /// Of a capture and its people. Does all that comes before the first step: registers poses (with recipe.refine) on
+    /// `backend`, and on `host` places Gaussians and estimates the light. Both backends must outlive this object.
     ///
     /// Errors  those of check_input, register_people and make_setup.
     template <CpuBackend H>
@@ -84,7 +85,10 @@ public:
         return result;
     }
     std::vector<std::array<double, 3>> photo_gains() const override { return trainer_.gains().gains(); }
-    Motion refined_motion(std::size_t person) const override { return people_[person].refinement->motion(); }
+    Motion refined_motion(std::size_t person) const override {
+        check_refined("Reconstruction::refined_motion");
+        return people_[person].refinement->motion();
+    }
 
     std::vector<std::size_t> fill_unseen() override;
     void end_fill() override {
@@ -93,6 +97,7 @@ public:
 
     bool refine_test_poses(const Observer& observer = {}) override;
     void end_test_refinement() override {
+        check_refined("Reconstruction::end_test_refinement");
         for (std::size_t p = 0; p < people_.size(); ++p) scene_.refine(*people_[p].refinement, p);
     }
 
@@ -150,14 +155,14 @@ private:
     template <CpuBackend H>
     Reconstruction(B& backend, H& host, std::unique_ptr<ReconstructionInput> input, const Recipe& recipe,
                    const Observer& observer)
-        : Reconstruction(backend, setup_of(host, *input, recipe, observer)) {
+        : Reconstruction(backend, setup_of(backend, host, *input, recipe, observer)) {
         input_ = std::move(input);
     }
     template <CpuBackend H>
-    static ReconstructionSetup setup_of(H& host, ReconstructionInput& input, const Recipe& recipe,
+    static ReconstructionSetup setup_of(B& backend, H& host, ReconstructionInput& input, const Recipe& recipe,
                                         const Observer& observer) {
         check_input(input);
-        if (recipe.refine && recipe.registration) register_people(host, input, recipe, observer);
+        if (recipe.refine && recipe.registration) register_people(backend, host, input, recipe, observer);
         ReconstructionSetup made = make_setup(host, input, recipe, observer, !B::host_memory);
         take_photographs(made, input.capture);
         return made;
@@ -182,6 +187,11 @@ private:
         const auto light =
             std::make_shared<LearnedLight<B>>(*backend_, *setup.light, setup.configuration.avatar.rates.light);
         for (std::size_t p = 0; p < people_.size(); ++p) people_[p].model.set_light(setup.people[p].rig, light, p == 0);
+    }
+    void check_refined(const char* where) const {
+        check_value(setup.refinement.has_value(), where,
+                    "the poses are not refined; make the reconstruction with "
+                    "Recipe::refine");
     }
     void refine_people() {
         const Configuration& configuration = setup.configuration;
@@ -228,6 +238,7 @@ std::vector<std::size_t> Reconstruction<B>::fill_unseen() {
 
 template <Backend B>
 bool Reconstruction<B>::refine_test_poses(const Observer& observer) {
+    check_refined("Reconstruction::refine_test_poses");
     const Configuration& configuration = setup.configuration;
     for (std::size_t p = 0; p < people_.size(); ++p) {
         Person& person = people_[p];

@@ -32,11 +32,17 @@ namespace gsh {
 /// and sets input.registration. Poses that jump from those before and after them start half-way between these.
 /// Detections are given to the people whom they show, with left and right as the body has them. Skipped, with a
 /// warning, if a body has no triangles. With recipe.refine_cameras, the focal length of a single training camera
-/// learns, too, and replaces that of the capture.
+/// learns, too, and replaces that of the capture. The work is done on `backend`; `host` prepares it.
 ///
 /// Errors  those of register_motions; ValueError for keypoints that were found in images of another size.
+template <Backend B, CpuBackend H>
+void register_people(B& backend, H& host, ReconstructionInput& input, const Recipe& recipe,
+                     const Observer& observer = {});
+/// The same where the backend is the host.
 template <CpuBackend B>
-void register_people(B& backend, ReconstructionInput& input, const Recipe& recipe, const Observer& observer = {});
+void register_people(B& backend, ReconstructionInput& input, const Recipe& recipe, const Observer& observer = {}) {
+    register_people(backend, backend, input, recipe, observer);
+}
 
 // -------------------------------------------------------------------------------------------------------------
 
@@ -114,8 +120,8 @@ inline RegistrationSummary::Moved moved_person(const CapturePerson& person, cons
 
 } // namespace detail
 
-template <CpuBackend B>
-void register_people(B& backend, ReconstructionInput& input, const Recipe& recipe, const Observer& observer) {
+template <Backend B, CpuBackend H>
+void register_people(B& backend, H& host, ReconstructionInput& input, const Recipe& recipe, const Observer& observer) {
     for (std::size_t p = 0; p < input.people.size(); ++p) {
         if (!input.body(p).faces.empty()) continue;
         input.warnings.push_back("the body of " + input.people[p].name +
@@ -136,8 +142,8 @@ void register_people(B& backend, ReconstructionInput& input, const Recipe& recip
         recipe.fine_registration > 0 ? fine_registration(recipe.fine_registration) : RegistrationParams();
     params.focal = recipe.refine_cameras;
     params.progress = [&](double share) { stage.tell(share, ""); };
-    Registration found =
-        register_motions(backend, Span<const RegisteredPerson>(people), Span<const Photo>(photos), recipe.seed, params);
+    Registration found = register_motions(backend, host, Span<const RegisteredPerson>(people),
+                                          Span<const Photo>(photos), recipe.seed, params);
     stage.tell(1, "done");
 
     summary.psnr = found.fits.back().psnr;

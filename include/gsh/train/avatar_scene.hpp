@@ -15,6 +15,7 @@
 #include <gsh/light/shadow_map.hpp>
 #include <gsh/math/vec.hpp>
 #include <gsh/pipeline/learned_array.hpp>
+#include <gsh/pipeline/loss_term.hpp>
 #include <gsh/pipeline/photo.hpp>
 #include <gsh/pipeline/splat_scene.hpp>
 #include <gsh/render/raster_cache.hpp>
@@ -130,6 +131,12 @@ public:
     }
     [[nodiscard]] MotionRefinement<B, T>* refinement(std::size_t person = 0) const { return at(person).refinement; }
 
+    /// From now on a term of a person's pose or model counts in the loss. It must outlive the scene.
+    void add(LossTerm<B, T>& term, std::size_t person = 0) {
+        check_person(person);
+        terms_.push_back({&term, person});
+    }
+
     // SplatScene ------------------------------------------------------------------------------------------------------
 
     void set_progress(std::uint64_t /*step*/, double progress) {
@@ -161,6 +168,14 @@ public:
             person.model->backward(present_pose(person, frame), frame, center, part(p, dL_dsplats), dL_dpose,
                                    dL_dcenter);
             if (!dL_dpose.empty()) refinement->accumulate(frame, dL_dpose);
+        }
+        for (const Term& term : terms_) {
+            if (!term.of->counts(frame)) continue;
+            Person& person = people_[term.person];
+            const RigPoseGradient<T> dL_dpose =
+                learns_motion(person, frame) ? person.refinement->pose_gradient() : RigPoseGradient<T>();
+            term.of->backward(frame, present_pose(person, frame), dL_dpose);
+            if (!dL_dpose.empty()) person.refinement->accumulate(frame, dL_dpose);
         }
     }
     /// Adjoint of the last forward with respect to one person's pose alone: adds to the person's refinement.
@@ -194,8 +209,8 @@ public:
         for (std::size_t p = 0; p < people_.size(); ++p) append(arrays, people_[p].model->learned(), person_prefix(p));
         return arrays;
     }
-    /// What a photograph's step launches beside other steps: whether camera and poses learn, and who casts shadows on
-    /// whom.
+    /// What a photograph's step launches beside other steps: whether camera and poses learn, who casts shadows on whom,
+    /// and which terms count.
     [[nodiscard]] std::uint64_t kind(const Photo& photo) const {
         std::uint64_t kind = learns_camera(photo);
         for (const Person& a : people_) {
@@ -205,6 +220,7 @@ public:
                                                                    a.motion->transl[photo.frame],
                                                                    b.motion->transl[photo.frame])));
         }
+        for (const Term& term : terms_) kind = mix_bits(2 * kind + term.of->counts(photo.frame));
         return kind;
     }
     /// Takes back steps that have changed nothing because the backend had halted.
@@ -226,6 +242,10 @@ private:
         std::vector<RigPose<B, T>> poses; // by frame, prepared; empty until the first is asked for
         RigPose<B, T> pose;               // of a refinement, or of a motion that is too long to be kept
         MotionRefinement<B, T>* refinement = nullptr;
+    };
+    struct Term {
+        LossTerm<B, T>* of;
+        std::size_t person;
     };
     [[nodiscard]] static bool casts_shadow(const Person& of) {
         const auto& light = of.model->light();
@@ -275,6 +295,7 @@ private:
 
     B* backend_;
     std::vector<Person> people_;
+    std::vector<Term> terms_;
     std::size_t size_ = 0; // number of all people's splats
     typename B::template Buffer<CameraGradient<T>> dL_dcamera_; // [1] or empty
     typename B::template Buffer<vec3<T>> dL_dcenter_;           // likewise

@@ -17,11 +17,13 @@
 #include <gsh/fit/view_keypoints.hpp>
 #include <gsh/math/affine.hpp>
 #include <gsh/math/vec.hpp>
+#include <gsh/pipeline/loss_term.hpp>
 
 #include <cmath>
 #include <concepts>
 #include <cstddef>
 #include <cstdint>
+#include <numeric>
 #include <string>
 #include <utility>
 #include <vector>
@@ -33,6 +35,61 @@ struct KeypointTermParams {
     double reach = 0.01; ///< share of an image's height beyond which a distance counts linearly
 };
 
+namespace detail {
+
+/// A keypoint as the term reads it.
+struct PulledKeypoint {
+    vec2<double> pixel;
+    vec3<double> offset;      // of its landmark from the joint, in the joint's frame
+    double confidence, delta; // delta in pixels
+    std::uint32_t view;       // of all frames' views
+};
+
+/// Element j: what the keypoints at joint j cost and how they pull its bone. They are summed in their order, so the
+/// bits are the same on any number of threads.
+template <class T>
+struct KeypointPull {
+    Span<const PulledKeypoint> points; // of all frames, each frame's by joint
+    Span<const std::uint32_t> first;   // [J + 1] of the frame
+    Span<const Camera<double>> views;
+    Span<const vec3<T>> joints;
+    Span<const Affine<T>> bones;
+    double scale;              // weight / n
+    Span<double> cost;         // [J]
+    Span<Affine<T>> dL_dbones; // [J]
+    Span<vec3<T>> dL_djoints;  // [J]
+
+    GSH_HD void operator()(std::size_t j) const {
+        double sum = 0;
+        Affine<T> dL_dbone = Affine<T>::zero();
+        vec3<T> dL_djoint(T(0));
+        for (std::uint32_t k = first[j]; k < first[j + 1]; ++k) {
+            const PulledKeypoint& point = points[k];
+            const Camera<double>& camera = views[point.view];
+            const vec3<double> rest = vec3<double>(joints[j]) + point.offset;
+            const vec3<double> world(bones[j](vec3<T>(rest)));
+            const vec3<double> p = to_camera(camera, world);
+            if (p.z < 0.01) continue;
+            const vec2<double> off = (to_pixel(camera, p) - point.pixel) * (1 / point.delta);
+            const double root = sqrt(1 + off.x * off.x + off.y * off.y);
+            sum += point.confidence * (root - 1);
+            CameraGradient<double> ignored{};
+            vec3<double> dL_dp(0), dL_dworld(0);
+            to_pixel_backward(camera, p, off * (scale * point.confidence / (root * point.delta)), dL_dp, ignored);
+            to_camera_backward(camera, world, dL_dp, dL_dworld, ignored);
+            const vec3<T> dL_dx(dL_dworld); // x = L (J + offset) + t
+            dL_dbone.linear += outer(dL_dx, vec3<T>(rest));
+            dL_dbone.translation += dL_dx;
+            dL_djoint += transpose(bones[j].linear) * dL_dx;
+        }
+        cost[j] = scale * sum;
+        dL_dbones[j] = dL_dbone;
+        dL_djoints[j] = dL_djoint;
+    }
+};
+
+} // namespace detail
+
 /// E = weight / n Σ c (√(1 + d²/δ²) - 1) over the n keypoints of a frame: d is the distance in pixels of a keypoint to
 /// its projected landmark, c its confidence, δ the image's height times `reach`. A keypoint that is far off, for
 /// instance that of the other arm, pulls no harder than one that is a few δ away (pseudo-Huber). Landmarks behind a
@@ -42,71 +99,44 @@ struct KeypointTermParams {
 /// Frame   cameras and poses in the world.
 /// Errors  ValueError for a weight, reach or confidence out of range, a pixel that is not finite, or a landmark that
 ///         the rig does not have.
-template <CpuBackend B, std::floating_point T = float>
-class KeypointTerm {
+template <Backend B, std::floating_point T = float>
+class KeypointTerm final : public LossTerm<B, T> {
 public:
-    KeypointTerm(B& backend, const RigData& rig, std::vector<std::vector<ViewKeypoints>> views, const Landmarks& marks,
-                 const KeypointTermParams& params = {})
-        : backend_(&backend), params_(params), views_(std::move(views)), marks_(marks),
-          skeleton_(backend, rig.body.parents),
+    KeypointTerm(B& backend, const RigData& rig, const std::vector<std::vector<ViewKeypoints>>& views,
+                 const Landmarks& marks, const KeypointTermParams& params = {})
+        : backend_(&backend), weight_(params.weight), skeleton_(backend, rig.body.parents),
           shapes_(backend, rig.joint_count(),
-                  {joint_directions(rig.body, rig.body.shapedirs), joint_directions(rig.body, rig.body.exprdirs)}),
-          shape_count_(rig.betas.size()) {
-        constexpr const char* where = "KeypointTerm";
-        check_value(params.weight >= 0 && std::isfinite(params.weight) && params.reach > 0, where,
+                  {joint_directions(rig.body, rig.body.shapedirs), joint_directions(rig.body, rig.body.exprdirs)}) {
+        check_value(params.weight >= 0 && std::isfinite(params.weight) && params.reach > 0, "KeypointTerm",
                     "weight must not be negative and reach must be above 0");
-        for (const auto& frame : views_)
-            for (const ViewKeypoints& view : frame)
-                for (const Keypoint& point : view.points) {
-                    const bool known = point.landmark >= 0 && static_cast<std::size_t>(point.landmark) < marks.size();
-                    const int joint = known ? marks[static_cast<std::size_t>(point.landmark)].joint : -1;
-                    check_value(joint >= 0 && static_cast<std::size_t>(joint) < rig.joint_count(), where,
-                                "keypoint of landmark " + std::to_string(point.landmark) +
-                                    ", which the rig does not have");
-                    check_value(point.confidence >= 0 && point.confidence <= 1, where,
-                                "a confidence lies outside of [0, 1]");
-                    check_value(std::isfinite(point.pixel.x) && std::isfinite(point.pixel.y), where,
-                                "a keypoint's pixel is not finite");
-                }
         std::vector<vec3<T>> joints;
         for (const vec3<double>& joint : rig.joints) joints.push_back(vec3<T>(joint));
-        rest_.resize(joints.size());
-        backend.upload(Span<const vec3<T>>(joints), rest_);
-        for (const double beta : rig.betas) initial_.push_back(T(beta));
-        initial_.resize(static_cast<std::size_t>(rig.body.expression_count) + shape_count_, T(0));
+        put(joints, rest_);
+        std::vector<T> initial(rig.betas.begin(), rig.betas.end());
+        initial.resize(rig.betas.size() + static_cast<std::size_t>(rig.body.expression_count), T(0));
+        put(initial, initial_);
+        put_keypoints(views, marks, params.reach);
     }
 
-    /// Whether a frame has keypoints that count.
-    [[nodiscard]] bool has(std::size_t frame) const {
-        if (frame >= views_.size()) return false;
-        for (const ViewKeypoints& view : views_[frame])
-            if (!view.points.empty()) return true;
-        return false;
-    }
-    [[nodiscard]] double weight() const { return params_.weight; }
-    void set_weight(double weight) { params_.weight = weight; }
+    /// Whether a frame has keypoints.
+    [[nodiscard]] bool counts(std::size_t frame) const override { return frame < counts_.size() && counts_[frame] > 0; }
 
-    /// E of a frame in a pose.
+    /// E of a frame in a pose. Waits for the backend.
     [[nodiscard]] double value(std::size_t frame, const RigPose<B, T>& pose) {
-        if (!has(frame)) return 0;
-        forward(pose);
-        return compare(frame, [](std::size_t, const vec3<double>&, const vec3<double>&) {});
+        if (!counts(frame)) return 0;
+        pull(frame, pose);
+        std::vector<double> cost(cost_.size());
+        backend_->download(Span<const double>(cost_), Span<double>(cost));
+        return std::accumulate(cost.begin(), cost.end(), 0.0);
     }
+
     /// Adds to the parts of dL_dpose that are not empty.
-    void backward(std::size_t frame, const RigPose<B, T>& pose, const RigPoseGradient<T>& dL_dpose) {
-        if (!has(frame) || params_.weight == 0) return;
-        const std::size_t J = rest_.size();
-        forward(pose);
-        std::vector<Affine<T>> dL_dbones(J, Affine<T>::zero());
-        std::vector<vec3<T>> dL_djoints(J, vec3<T>(T(0))), dL_dtransl(1, vec3<T>(T(0)));
-        (void)compare(frame, [&](std::size_t j, const vec3<double>& rest, const vec3<double>& dL_dplace) {
-            const vec3<T> dL_dx(dL_dplace); // x = L (J + offset) + t
-            dL_dbones[j].linear += outer(dL_dx, vec3<T>(rest));
-            dL_dbones[j].translation += dL_dx;
-            dL_djoints[j] += transpose(host_bones_[j].linear) * dL_dx;
-        });
-        put(dL_dbones, dL_dbones_), put(dL_djoints, dL_djoints_), put(dL_dtransl, dL_dtransl_);
-        dL_drotations_.resize(J);
+    void backward(std::size_t frame, const RigPose<B, T>& pose, const RigPoseGradient<T>& dL_dpose) override {
+        if (!counts(frame) || dL_dpose.empty() || weight_ == 0) return;
+        pull(frame, pose);
+        dL_dtransl_.resize(1);
+        dL_drotations_.resize(rest_.size());
+        backend_->fill(Span<vec3<T>>(dL_dtransl_), vec3<T>(T(0)));
         backend_->fill(Span<mat3<T>>(dL_drotations_), mat3<T>(T(0)));
         skeleton_.bones_backward(rotations_, joints_, bones_, Span<const Affine<T>>(dL_dbones_), dL_drotations_,
                                  dL_djoints_, dL_dtransl_);
@@ -125,65 +155,76 @@ private:
         to.resize(from.size());
         backend_->upload(Span<const U>(from), to);
     }
-    void forward(const RigPose<B, T>& pose) {
+    /// Brings the keypoints to the backend, each frame's by joint.
+    void put_keypoints(const std::vector<std::vector<ViewKeypoints>>& frames, const Landmarks& marks, double reach) {
+        constexpr const char* where = "KeypointTerm";
         const std::size_t J = rest_.size();
-        std::vector<T> coefficients(initial_.size());
-        backend_->download(Span<const T>(pose.coefficients), Span<T>(coefficients));
-        for (std::size_t k = 0; k < coefficients.size(); ++k) coefficients[k] -= initial_[k];
-        put(coefficients, coefficients_);
+        std::vector<Camera<double>> views;
+        std::vector<detail::PulledKeypoint> points;
+        std::vector<std::uint32_t> first; // [frames, J + 1]
+        for (const std::vector<ViewKeypoints>& of_frame : frames) {
+            std::vector<std::vector<detail::PulledKeypoint>> at(J);
+            std::size_t& count = counts_.emplace_back(0);
+            for (const ViewKeypoints& view : of_frame) {
+                count += view.points.size();
+                for (const Keypoint& point : view.points) {
+                    const bool known = point.landmark >= 0 && static_cast<std::size_t>(point.landmark) < marks.size();
+                    const Landmark mark =
+                        known ? marks[static_cast<std::size_t>(point.landmark)] : Landmark{.joint = -1};
+                    check_value(mark.joint >= 0 && static_cast<std::size_t>(mark.joint) < J, where,
+                                "keypoint of landmark " + std::to_string(point.landmark) +
+                                    ", which the rig does not have");
+                    check_value(point.confidence >= 0 && point.confidence <= 1, where,
+                                "a confidence lies outside of [0, 1]");
+                    check_value(std::isfinite(point.pixel.x) && std::isfinite(point.pixel.y), where,
+                                "a keypoint's pixel is not finite");
+                    at[static_cast<std::size_t>(mark.joint)].push_back({point.pixel, mark.offset, point.confidence,
+                                                                        reach * view.camera.height,
+                                                                        static_cast<std::uint32_t>(views.size())});
+                }
+                views.push_back(view.camera);
+            }
+            for (const auto& of_joint : at) {
+                first.push_back(static_cast<std::uint32_t>(points.size()));
+                points.insert(points.end(), of_joint.begin(), of_joint.end());
+            }
+            first.push_back(static_cast<std::uint32_t>(points.size()));
+        }
+        put(views, views_), put(points, points_), put(first, first_);
+    }
+    /// Poses the joints, and finds what the frame's keypoints cost and how they pull.
+    void pull(std::size_t frame, const RigPose<B, T>& pose) {
+        const std::size_t J = rest_.size();
+        coefficients_.resize(initial_.size());
         rotations_.resize(J), joints_.resize(J), bones_.resize(J);
+        cost_.resize(J), dL_dbones_.resize(J), dL_djoints_.resize(J);
+        backend_->for_each(initial_.size(), detail::Difference<T>{pose.coefficients, initial_, coefficients_});
         skeleton_.rotations(pose.pose, rotations_);
         backend_->copy(Span<const vec3<T>>(rest_), Span<vec3<T>>(joints_));
         shapes_.forward(Span<const T>(coefficients_), joints_);
         skeleton_.bones(rotations_, joints_, pose.transl, bones_);
-        host_joints_.resize(J), host_bones_.resize(J);
-        backend_->download(Span<const vec3<T>>(joints_), Span<vec3<T>>(host_joints_));
-        backend_->download(Span<const Affine<T>>(bones_), Span<Affine<T>>(host_bones_));
-    }
-    /// E; pull(joint, point at rest, gradient with respect to the posed point) is called for each keypoint.
-    template <class Pull>
-    double compare(std::size_t frame, const Pull& pull) const {
-        double sum = 0, count = 0;
-        for (const ViewKeypoints& view : views_[frame]) count += static_cast<double>(view.points.size());
-        const double scale = params_.weight / count;
-        for (const ViewKeypoints& view : views_[frame]) {
-            const double delta = params_.reach * view.camera.height;
-            for (const Keypoint& point : view.points) {
-                const Landmark& mark = marks_[static_cast<std::size_t>(point.landmark)];
-                const auto j = static_cast<std::size_t>(mark.joint);
-                const vec3<double> rest = vec3<double>(host_joints_[j]) + mark.offset;
-                const vec3<double> world(host_bones_[j](vec3<T>(rest)));
-                const vec3<double> p = to_camera(view.camera, world);
-                if (p.z < 0.01) continue;
-                const vec2<double> off = (to_pixel(view.camera, p) - point.pixel) * (1 / delta);
-                const double root = std::sqrt(1 + off.x * off.x + off.y * off.y);
-                sum += point.confidence * (root - 1);
-                CameraGradient<double> ignored{};
-                vec3<double> dL_dp(0), dL_dworld(0);
-                to_pixel_backward(view.camera, p, off * (scale * point.confidence / (root * delta)), dL_dp, ignored);
-                to_camera_backward(view.camera, world, dL_dp, dL_dworld, ignored);
-                pull(j, rest, dL_dworld);
-            }
-        }
-        return scale * sum;
+        const auto first = Span<const std::uint32_t>(first_).subspan(frame * (J + 1), J + 1);
+        const double scale = weight_ / static_cast<double>(counts_[frame]);
+        backend_->for_each(
+            J, detail::KeypointPull<T>{points_, first, views_, joints_, bones_, scale, cost_, dL_dbones_, dL_djoints_});
     }
 
     B* backend_;
-    KeypointTermParams params_;
-    std::vector<std::vector<ViewKeypoints>> views_;
-    Landmarks marks_;
+    double weight_;
+    std::vector<std::size_t> counts_; // of each frame's keypoints
     Skeleton<B, T> skeleton_;
     BlendShapes<B, T> shapes_; // of the joints
-    std::size_t shape_count_;
-    Buffer<vec3<T>> rest_;   // [J] at the rig's shape
-    std::vector<T> initial_; // [S + E] coefficients of rest_
+    Buffer<vec3<T>> rest_;     // [J] at the rig's shape
+    Buffer<T> initial_;        // [S + E] coefficients of rest_
+    Buffer<Camera<double>> views_;
+    Buffer<detail::PulledKeypoint> points_;
+    Buffer<std::uint32_t> first_; // [T, J + 1] of points_
 
     Buffer<T> coefficients_;
     Buffer<mat3<T>> rotations_, dL_drotations_;
     Buffer<vec3<T>> joints_, dL_djoints_, dL_dtransl_;
     Buffer<Affine<T>> bones_, dL_dbones_;
-    std::vector<vec3<T>> host_joints_;
-    std::vector<Affine<T>> host_bones_;
+    Buffer<double> cost_;
     typename BlendShapes<B, T>::Workspace workspace_;
 };
 

@@ -20,6 +20,7 @@
 #include <gsh/train/frame_doubt.hpp>
 #include <gsh/train/keypoint_term.hpp>
 #include <gsh/train/refinement.hpp>
+#include <gsh/train/step_history.hpp>
 #include <gsh/train/train_config.hpp>
 #include <gsh/train/trainer.hpp>
 
@@ -40,10 +41,10 @@ namespace gsh {
 
 /// One size of the photographs.
 struct RegistrationLevel {
-    int pixels = 68;    ///< about the longer side of the reduced photographs
-    double visits = 40; ///< steps for each photographed frame
-    double rate = 1;    ///< factor on all rates
-    double fingers = 0; ///< factor on the rate of fingers, jaw and eyes, which coarse photographs do not show
+    int pixels = 68;      ///< about the longer side of the reduced photographs
+    double visits = 40;   ///< steps for each photographed frame
+    double rate = 1;      ///< factor on all rates
+    double fingers = 0;   ///< factor on the rate of fingers, jaw and eyes, which coarse photographs do not show
     double keypoints = 1; ///< factor on the weight of keypoints: a detector errs by more than a fine photograph shows
 };
 
@@ -107,7 +108,7 @@ struct RegistrationFit {
 
 /// The result of a registration.
 struct Registration {
-    std::vector<Motion> motions; ///< of each person
+    std::vector<Motion> motions;       ///< of each person
     std::vector<RegistrationFit> fits; ///< of each level
     std::optional<double> focal; ///< factor on both focal lengths, if all photographs are of one camera and it learns
     /// How well the bodies explain each frame at the end of the last level, dB, over all its photographs:
@@ -145,35 +146,6 @@ namespace detail {
     return config;
 }
 
-/// People whose poses also follow keypoints. At each step, the keypoints of all photographs of the step's frame count.
-template <CpuBackend B, class Model>
-class KeypointScene : public AvatarScene<B, Model> {
-public:
-    using AvatarScene<B, Model>::AvatarScene;
-
-    /// `term` must outlive the scene.
-    void follow(KeypointTerm<B>& term, std::size_t person) { terms_.push_back({&term, person}); }
-
-    void backward(std::size_t frame, const Deferred<vec3<float>>& center, const SplatView<const float>& dL_dsplats,
-                  Span<vec3<float>> dL_dcenter) {
-        AvatarScene<B, Model>::backward(frame, center, dL_dsplats, dL_dcenter);
-        for (const auto& [term, person] : terms_) {
-            MotionRefinement<B>& refinement = *this->refinement(person);
-            if (!term->has(frame) || !refinement.learns_motion(frame)) continue;
-            const RigPoseGradient<float> dL_dpose = refinement.pose_gradient();
-            term->backward(frame, this->pose(frame, person), dL_dpose);
-            refinement.accumulate(frame, dL_dpose);
-        }
-    }
-
-private:
-    struct Followed {
-        KeypointTerm<B>* term;
-        std::size_t person;
-    };
-    std::vector<Followed> terms_;
-};
-
 /// The squared error that an empty scene would have in a photograph: the mean over its channels and pixels. A random
 /// background has a variance of 1/12 about 1/2.
 [[nodiscard]] inline double empty_error(const Photo& photo) {
@@ -203,12 +175,12 @@ struct LevelInput {
 
 /// Trains bodies and corrections on photographs of one size, and puts the corrected motions into result.motions.
 /// done(share) is called before each step.
-template <CpuBackend B, class Done>
-void register_level(B& backend, Span<const RegisteredPerson> people, LevelInput input,
+template <Backend B, CpuBackend H, class Done>
+void register_level(B& backend, H& host, Span<const RegisteredPerson> people, LevelInput input,
                     const RegistrationParams& params, std::uint64_t seed, const Done& done, Registration& result) {
     auto& [level, steps, photos, camera, terms] = input;
     using Model = ConfiguredAvatar<B>;
-    using Scene = KeypointScene<B, Model>;
+    using Scene = AvatarScene<B, Model>;
     const Configuration config = registration_configuration();
     std::deque<Model> models;
     std::deque<MotionRefinement<B>> refinements;
@@ -218,11 +190,11 @@ void register_level(B& backend, Span<const RegisteredPerson> people, LevelInput 
     keypoint_params.weight *= level.keypoints;
     for (std::size_t p = 0; p < people.size(); ++p) {
         const Motion& motion = result.motions[p];
-        CanonicalSetup made = make_canonical_setup(backend, *people[p].body, motion, config, params.gaussians,
-                                                   random_bits(seed, p));
+        CanonicalSetup made =
+            make_canonical_setup(host, *people[p].body, motion, config, params.gaussians, random_bits(seed, p));
         for (double& scale : made.samples.scales) scale *= 0.7; // wider ones reach beyond the body's outline
-        models.push_back(make_avatar<B>(backend, made.rig, made.samples, motion.frame_count(), seed, config.avatar,
-                                        made.priors));
+        models.push_back(
+            make_avatar<B>(backend, made.rig, made.samples, motion.frame_count(), seed, config.avatar, made.priors));
         terms.joint_rates = joint_rates(made.rig.joint_count(), level.fingers, level.fingers);
         std::vector<Camera<double>> cameras; // the first person's refinement has the camera
         if (p == 0 && camera) cameras.push_back(*camera);
@@ -237,22 +209,29 @@ void register_level(B& backend, Span<const RegisteredPerson> people, LevelInput 
     Scene scene(backend, cast);
     for (std::size_t p = 0; p < people.size(); ++p) {
         scene.refine(refinements[p], p);
-        if (!people[p].keypoints.empty()) scene.follow(keypoints[p], p);
+        if (!people[p].keypoints.empty()) scene.add(keypoints[p], p);
     }
     Trainer<B, Scene> trainer(backend, scene, photos, seed, registration_training(config.train, params.gain));
 
     // Of each frame, over the last visits of its photographs: squared errors, those of an empty scene, number.
     std::vector<double> squares(scene.frame_count(), 0), empty(scene.frame_count(), 0), counts(scene.frame_count(), 0);
-    for (std::size_t step = 0; step < steps; ++step) {
-        const double share = static_cast<double>(step) / static_cast<double>(steps);
-        done(share);
-        const Photo& photo = photos[trainer.photo_of_step(step)];
-        const std::size_t frame = photo.frame;
-        trainer.step(share);
-        if (step + photos.size() < steps) continue;
-        squares[frame] += std::pow(10, -trainer.last_psnr() / 10);
-        empty[frame] += empty_error(photo);
-        counts[frame] += 1;
+    const auto read = [&] {
+        for (const StepValues& values : trainer.history()) {
+            if (values.step + photos.size() <= steps) continue;
+            const Photo& photo = photos[trainer.photo_of_step(values.step - 1)];
+            squares[photo.frame] += std::pow(10, -values.psnr / 10);
+            empty[photo.frame] += empty_error(photo);
+            counts[photo.frame] += 1;
+        }
+    };
+    while (trainer.step_count() < steps) {
+        const std::size_t end = std::min<std::uint64_t>(steps, trainer.step_count() + StepHistory<B>::capacity);
+        while (trainer.step_count() < end) {
+            const double share = static_cast<double>(trainer.step_count()) / static_cast<double>(steps);
+            done(share);
+            trainer.step(share);
+        }
+        read();
     }
     for (std::size_t p = 0; p < people.size(); ++p) {
         refinements[p].carry_to_left_out();
@@ -275,6 +254,8 @@ void register_level(B& backend, Span<const RegisteredPerson> people, LevelInput 
 /// number of photographs of a frame. The motion of a level is the estimate of the next one, which starts with new
 /// Gaussians.
 ///
+/// Trains on `backend`, and prepares bodies and reduced photographs on `host`.
+///
 /// Frames without a photograph get the corrections of their neighbours in time. The same seed gives the same bits on
 /// any number of threads.
 ///
@@ -285,9 +266,10 @@ void register_level(B& backend, Span<const RegisteredPerson> people, LevelInput 
 ///         distance differs only by its weaker perspective. The pulls to the estimates determine both, and joints are
 ///         best compared relative to the root.
 /// Errors  ValueError: no photographs, no people, a body without triangles. Those of MotionRefinement and Trainer.
-template <CpuBackend B>
-[[nodiscard]] Registration register_motions(B& backend, Span<const RegisteredPerson> people, Span<const Photo> photos,
-                                            std::uint64_t seed, const RegistrationParams& params = {}) {
+template <Backend B, CpuBackend H>
+[[nodiscard]] Registration register_motions(B& backend, H& host, Span<const RegisteredPerson> people,
+                                            Span<const Photo> photos, std::uint64_t seed,
+                                            const RegistrationParams& params = {}) {
     constexpr std::string_view where = "register_motions";
     check_value(!people.empty(), where, "there are no people");
     check_value(!photos.empty(), where, "there are no photographs");
@@ -308,8 +290,8 @@ template <CpuBackend B>
         if (!frames.contains(frame)) unseen.push_back(frame);
 
     const bool learns_focal = params.focal && std::all_of(photos.begin(), photos.end(), [&](const Photo& photo) {
-        return photo.camera_index == photos[0].camera_index;
-    });
+                                  return photo.camera_index == photos[0].camera_index;
+                              });
     if (learns_focal) result.focal = 1;
     // Cameras that see a frame together see its depth. There, smoothness would only flatten a fast motion.
     const double unseen_depth = std::pow(static_cast<double>(frames.size()) / static_cast<double>(photos.size()), 2);
@@ -327,7 +309,7 @@ template <CpuBackend B>
         for (RefinedGroup* group : {&terms.pose, &terms.transl}) group->terms.acceleration *= unseen_depth;
         terms.final_rate = &level == &params.levels.back() ? 0.1 : 0.5;
         result.fits.push_back({factor, steps, 0});
-        const ReducedPhotos reduced(backend, photos, factor);
+        const ReducedPhotos reduced(host, photos, factor);
         input.photos = reduced.photos();
         const std::vector<double> weights = frame_weights(result.frame_fit); // empty at the first level
         for (Photo& photo : input.photos) {
@@ -340,10 +322,16 @@ template <CpuBackend B>
         const auto done = [&](double share) {
             if (params.progress) params.progress((visits_done + share * level.visits) / visits);
         };
-        detail::register_level(backend, people, std::move(input), params, seed, done, result);
+        detail::register_level(backend, host, people, std::move(input), params, seed, done, result);
         visits_done += level.visits;
     }
     return result;
+}
+/// The same where the backend is the host.
+template <CpuBackend B>
+[[nodiscard]] Registration register_motions(B& backend, Span<const RegisteredPerson> people, Span<const Photo> photos,
+                                            std::uint64_t seed, const RegistrationParams& params = {}) {
+    return register_motions(backend, backend, people, photos, seed, params);
 }
 
 } // namespace gsh

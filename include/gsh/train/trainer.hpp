@@ -31,13 +31,25 @@
 
 namespace gsh {
 
+/// The settings of a photograph's loss in a training.
+[[nodiscard]] inline PhotoLossParams photo_loss_params(const TrainConfig& config) {
+    return {.filter = config.filter,
+            .ssim_weight = config.ssim_weight,
+            .background = config.background,
+            .gradient_transmittance_min = config.gradient_transmittance_min};
+}
+
 /// Trains a scene on photographs. A step uses one photograph. An epoch uses each once, in an order that depends only on
 /// seed and epoch, so that a run can stop and resume after any step.
 ///
+/// Loss, optimiser and gains are policies. Loss has the calls of PhotoLoss, Gains those of PhotoGains. Terms of the
+/// loss that need no picture are the scene's (LossTerm).
+///
 /// Source  paper §3.2 (loss), and Liu et al., "Animatable 3D Gaussian", 2024, for what the paper leaves open. For
 ///         static scenes, Kerbl et al., "3D Gaussian Splatting for Real-Time Radiance Field Rendering", 2023.
-template <Backend B, class Scene, std::floating_point T = float>
-    requires SplatScene<Scene, B, T>
+template <Backend B, class Scene, std::floating_point T = float, class Loss = PhotoLoss<B, T>, class Optimizer = Adam,
+          class Gains = PhotoGains<B, T>>
+    requires SplatScene<Scene, B, T> && ArrayOptimizer<Optimizer, B, T>
 class Trainer {
 public:
     using Scalar = T;
@@ -46,25 +58,20 @@ public:
     /// Errors  ValueError: no photographs, a photograph of a frame that the scene does not have, settings or rates out
     ///         of range. ShapeError: images of another size than their cameras.
     Trainer(B& backend, Scene& scene, std::vector<Photo> photos, std::uint64_t seed, const TrainConfig& config = {})
-        : backend_(&backend), scene_(&scene), photos_(std::move(photos)), seed_(seed), config_(config.checked()),
-          pixels_(backend, photos_, photo_budget(backend, config_)),
-          loss_(backend,
-                {.filter = config.filter,
-                 .ssim_weight = config.ssim_weight,
-                 .background = config.background,
-                 .gradient_transmittance_min = config.gradient_transmittance_min}),
-          gains_(backend, photos_, config_.gain), repeated_(backend), history_(backend) {
-        check_value(!photos_.empty(), "Trainer", "there are no photographs to train on");
-        for (Photo& photo : photos_) {
-            check_photo("Trainer", photo, scene.frame_count());
-            photo.weight = static_cast<double>(std::lround(255 * photo.weight)) / 255;
-        }
-        for (const LearnedArray<T>& array : scene.learned())
-            check_value(array.rate >= 0 && std::isfinite(array.rate) && array.other.rate >= 0 &&
-                            std::isfinite(array.other.rate),
-                        "Trainer", "the rate of " + array.name + " must not be negative");
-        scene.set_progress(0, 0);
+        requires std::constructible_from<Loss, B&, PhotoLossParams>
+        : Trainer(backend, scene, std::move(photos), seed, config, Loss(backend, photo_loss_params(config.checked()))) {
     }
+    /// With another loss, for instance a PhotoLoss with another image loss or rasterizer, and perhaps another
+    /// optimiser.
+    Trainer(B& backend, Scene& scene, std::vector<Photo> photos, std::uint64_t seed, const TrainConfig& config,
+            Loss loss, Optimizer optimizer = {})
+        : Trainer(WithGains(), backend, scene, std::move(photos), seed, config, std::move(loss), std::move(optimizer),
+                  [&](const std::vector<Photo>& of) { return Gains(backend, of, config.gain); }) {}
+    /// The same with other gains.
+    Trainer(B& backend, Scene& scene, std::vector<Photo> photos, std::uint64_t seed, const TrainConfig& config,
+            Loss loss, Optimizer optimizer, Gains gains)
+        : Trainer(WithGains(), backend, scene, std::move(photos), seed, config, std::move(loss), std::move(optimizer),
+                  [&](const std::vector<Photo>&) { return std::move(gains); }) {}
 
     [[nodiscard]] B& backend() { return *backend_; }
     [[nodiscard]] Scene& scene() { return *scene_; }
@@ -128,7 +135,7 @@ public:
         return arrays;
     }
     /// Exposure and white balance of the photographs.
-    [[nodiscard]] const PhotoGains<B, T>& gains() const { return gains_; }
+    [[nodiscard]] const Gains& gains() const { return gains_; }
 
     /// Waits for the steps so far. On a device that does not wait within a step, an error is found here: then either
     /// its cause is mended and the trainer goes back to the step that failed, whose number step_count() returns from
@@ -150,7 +157,7 @@ public:
     /// another step, which allocates all of it again.
     void release_memory() {
         settle();
-        loss_ = PhotoLoss<B, T>(*backend_, loss_.params());
+        loss_.release_memory();
         splats_ = {}, dL_dsplats_ = {};
         repeated_.forget(); // recorded steps contain addresses
     }
@@ -196,6 +203,25 @@ public:
     }
 
 private:
+    struct WithGains {};
+    template <class MakeGains>
+    Trainer(WithGains, B& backend, Scene& scene, std::vector<Photo> photos, std::uint64_t seed,
+            const TrainConfig& config, Loss loss, Optimizer optimizer, const MakeGains& make_gains)
+        : backend_(&backend), scene_(&scene), photos_(std::move(photos)), seed_(seed), config_(config.checked()),
+          pixels_(backend, photos_, photo_budget(backend, config_)), loss_(std::move(loss)),
+          gains_(make_gains(photos_)), repeated_(backend), history_(backend), optimizer_(std::move(optimizer)) {
+        check_value(!photos_.empty(), "Trainer", "there are no photographs to train on");
+        for (Photo& photo : photos_) {
+            check_photo("Trainer", photo, scene.frame_count());
+            photo.weight = static_cast<double>(std::lround(255 * photo.weight)) / 255;
+        }
+        for (const LearnedArray<T>& array : scene.learned())
+            check_value(array.rate >= 0 && std::isfinite(array.rate) && array.other.rate >= 0 &&
+                            std::isfinite(array.other.rate),
+                        "Trainer", "the rate of " + array.name + " must not be negative");
+        scene.set_progress(0, 0);
+    }
+
     /// Whether splats have factors in place of covariances.
     static constexpr bool has_needles = requires { requires Scene::has_needles; };
 
@@ -229,10 +255,11 @@ private:
 
         observer.enter(Stage::update);
         const double factor = config_.rate_factor(progress);
-        take_steps(*backend_, adam_, scene_->learned(), factor, static_cast<std::int64_t>(step_count_ + 1));
+        take_steps(*backend_, optimizer_, scene_->learned(), factor, static_cast<std::int64_t>(step_count_ + 1));
         if (gains_.learns(progress))
             gains_.step(index, static_cast<std::int64_t>(step_count_ / photos_.size() + 1), factor);
-        else gains_.forget_gradient();
+        else
+            gains_.forget_gradient();
         scene_->after_step(loss_.raster_cache());
     }
 
@@ -256,7 +283,7 @@ private:
     }
     /// Steps of one kind launch the same kernels.
     [[nodiscard]] std::uint64_t kind(const Photo& photo) const {
-        const std::uint64_t of_photo = PhotoLoss<B, T>::kind(photo);
+        const std::uint64_t of_photo = Loss::kind(photo);
         if constexpr (requires { scene_->kind(photo); }) return of_photo ^ mix_bits(scene_->kind(photo));
         else return of_photo;
     }
@@ -272,11 +299,11 @@ private:
     std::uint64_t seed_;
     TrainConfig config_;
     PhotoPixels<B> pixels_;
-    PhotoLoss<B, T> loss_;
-    PhotoGains<B, T> gains_;
+    Loss loss_;
+    Gains gains_;
     RepeatedStep<B> repeated_;
     StepHistory<B> history_;
-    Adam adam_;
+    Optimizer optimizer_;
     Splats<B, T> splats_, dL_dsplats_;
 
     std::uint64_t step_count_ = 0;
