@@ -2,6 +2,8 @@
 /// @file  What the programs run on a GPU. The files *.cu define it; in a program without CUDA, without_cuda.cpp does.
 #pragma once
 
+#include <gsh/backend/threads.hpp>
+
 #include <cstdint>
 #include <memory>
 #include <string>
@@ -13,9 +15,6 @@ struct PixelFilter;
 struct Recipe;
 struct ReconstructionInput;
 struct ReconstructionSetup;
-namespace cpu {
-class Threads;
-}
 namespace cuda {
 class Device;
 }

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "common/gpu.hpp"
 
-#include <gsh/backend/threads.hpp>
 #include <gsh/cuda.cuh>
 #include <gsh/reconstruct/reconstruction.hpp>
 #include <gsh/reconstruct/register_people.hpp>
