@@ -4,7 +4,7 @@
 ///
 /// The last test takes its size from the environment variable GSH_TWO_PEOPLE, "size=270 frames=24 cameras=6
 /// gaussians=40000 steps=3000 samples=25", and keeps its captures and results in the folder that GSH_TWO_PEOPLE_KEEP
-/// names. It trains with `light` and with `paper`; docs/quality.md has the results of `paper`.
+/// names. It trains with `light` and with `paper`; docs/notes/quality.md has the results of `paper`.
 #include "io/gala_files.hpp"
 #include "programs/process.hpp"
 #include "programs/small_capture.hpp"
