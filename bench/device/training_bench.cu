@@ -28,10 +28,10 @@ void measure_steps(Bench& bench, const std::string& name, const Configuration& c
     const TrainingLoad load = make_training_load(configuration, bench.arguments().gaussians, bench.arguments().size);
     Device& device = bench.device();
     device.set_precision(precision);
+    const auto light = load.light ? std::make_shared<LearnedLight<Device>>(device, *load.light) : nullptr;
     Model model = make_avatar<Device>(device, load.setup.rig, load.setup.samples, load.setup.motion.frame_count(), 1,
-                                      configuration.avatar, load.setup.priors);
+                                      configuration.avatar, load.setup.priors, {light});
     Scene scene(device, {{&model, &load.setup.motion}});
-    if (load.light) model.set_light(load.setup.rig, std::make_shared<LearnedLight<Device>>(device, *load.light), true);
     Trainer<Device, Scene> trainer(device, scene, load.photos, 1, configuration.train);
     // Each photograph once, but no more often than there are runs. A step that needs larger buffers than those before
     // it is taken again after they have grown.

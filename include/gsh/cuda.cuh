@@ -29,7 +29,6 @@
 #include <gsh/field/cuda/half_row.cuh>
 #include <gsh/field/cuda/hash_field.cuh>
 #include <gsh/field/cuda/hash_grid.cuh>
-#include <gsh/field/cuda/hash_lists.cuh>
 #include <gsh/field/cuda/hash_rows.cuh>
 #include <gsh/field/cuda/mlp.cuh>
 #include <gsh/field/cuda/mlp_backward.cuh>

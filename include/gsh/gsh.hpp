@@ -110,6 +110,7 @@
 #include <gsh/field/hash_field.hpp>
 #include <gsh/field/hash_grid.hpp>
 #include <gsh/field/hash_level.hpp>
+#include <gsh/field/hash_lists.hpp>
 #include <gsh/field/mlp.hpp>
 
 #include <gsh/image/chroma.hpp>
@@ -163,6 +164,7 @@
 
 #include <gsh/avatar/avatar.hpp>
 #include <gsh/avatar/avatar_part.hpp>
+#include <gsh/avatar/avatar_pass.hpp>
 #include <gsh/avatar/colored_mesh.hpp>
 #include <gsh/avatar/deformation.hpp>
 #include <gsh/avatar/facing_weights.hpp>
@@ -170,7 +172,6 @@
 #include <gsh/avatar/moving_pieces.hpp>
 #include <gsh/avatar/mutual_shadows.hpp>
 #include <gsh/avatar/occlusion_field.hpp>
-#include <gsh/avatar/poser.hpp>
 #include <gsh/avatar/rig.hpp>
 #include <gsh/avatar/skinned_element.hpp>
 #include <gsh/avatar/skinned_gaussian.hpp>

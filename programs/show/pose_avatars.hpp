@@ -23,13 +23,13 @@ template <Backend B>
 void pose_avatars(const std::deque<Avatar<B>>& avatars, const std::vector<RigPose<B, float>>& poses,
                   Span<const vec3<double>> roots, const vec3<float>& center, const SplatView<float>& splats,
                   std::vector<typename Avatar<B>::Cache>& caches) {
-    // Posing computes the same vertices in the same memory, so that a caster stays as it is.
+    for (std::size_t p = 0; p < avatars.size(); ++p) avatars[p].move(poses[p], caches[p]);
     const auto caster = [&](std::size_t p) {
-        return avatars[p].is_lit() ? avatars[p].caster(poses[p], caches[p]) : ShadowCaster<float>();
+        return avatars[p].is_lit() ? avatars[p].caster(caches[p]) : ShadowCaster<float>();
     };
     std::size_t first = 0;
     pose_people<float>(roots, caster, [&](std::size_t p, Span<const ShadowCaster<float>> others) {
-        avatars[p].pose(poses[p], center, splats.subview(first, avatars[p].size()), caches[p], others);
+        avatars[p].write_splats(center, splats.subview(first, avatars[p].size()), caches[p], others);
         first += avatars[p].size();
     });
 }

@@ -5,6 +5,7 @@
 #include <gsh/cpu.hpp>
 
 #include "support/bodies.hpp"
+#include "support/contains.hpp"
 #include "support/gradient.hpp"
 
 #include <cmath>
@@ -241,7 +242,7 @@ TEST_CASE("a field that does not fit is refused by name") {
     };
     const auto names = [&](const char* word, const auto& change) {
         CAPTURE(word);
-        CHECK(message(changed(change)).find(word) != std::string::npos);
+        CHECK(message(changed(change)) == test::contains(word));
     };
     CHECK(message(random_field(10, J)).empty());
     names("width", [](auto& d) { d.width = 0; });

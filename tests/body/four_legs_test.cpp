@@ -4,6 +4,7 @@
 
 #include "io/small_body.hpp"
 #include "io/temporary.hpp"
+#include "support/contains.hpp"
 #include "support/skeleton_body.hpp"
 
 #include <doctest/doctest.h>
@@ -95,5 +96,5 @@ TEST_CASE("an animal is refused in words; with a joint map it is warned of") {
     const JointMap map{{{"Tail1", ""}}};
     CHECK_NOTHROW((void)retarget(rig, test::skeleton_body(), map, {{}, "dog.glb", &warnings}));
     REQUIRE(!warnings.empty());
-    CHECK(warnings[0].find("dog.glb: stands on four legs") != std::string::npos);
+    CHECK(warnings[0] == test::contains("dog.glb: stands on four legs"));
 }

@@ -2,6 +2,7 @@
 /// @file  Joint names of many programs are found, by name and by place in the tree.
 
 #include "io/temporary.hpp"
+#include "support/contains.hpp"
 #include "support/rig_names.hpp"
 #include "support/sample_rig.hpp"
 
@@ -95,7 +96,7 @@ TEST_CASE("of two candidates for a joint that moves no limb one is taken, with o
     REQUIRE(warnings.size() == 1);
     for (const char* text : {"a.glb: several", "left_eye is 'LeftEye', not 'EyeLeft'", "jaw is 'Jaw', not '__Jaw'",
                              "right_foot is 'RightToeBase', not 'Right_Toe_Base'", "joint map"})
-        CHECK(warnings[0].find(text) != std::string::npos);
+        CHECK(warnings[0] == test::contains(text));
 }
 
 TEST_CASE("a node that is called like a joint elsewhere in the file, such as a mesh, is not one") {

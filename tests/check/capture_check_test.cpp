@@ -7,6 +7,7 @@
 #include "check/box_scene.hpp"
 #include "io/temporary.hpp"
 #include "support/chunks_alone.hpp"
+#include "support/contains.hpp"
 #include "support/gradient.hpp"
 
 #include <doctest/doctest.h>
@@ -34,7 +35,7 @@ CaptureFinding only(const CaptureCheck& result, const std::string& fault) {
     const CaptureFinding& finding = result.findings[0];
     CHECK(finding.fault == fault);
     CHECK(finding.text.starts_with(fault + " ("));
-    CHECK(finding.text.find(" as given, ") != std::string::npos);
+    CHECK(finding.text == test::contains(" as given, "));
     CHECK(finding.text.find('\n') == std::string::npos);
     return finding;
 }
@@ -240,7 +241,7 @@ TEST_CASE("faults of images and masks") {
                                       })),
                                       "mirrored-images");
     CHECK(one.cameras == std::vector<std::size_t>{1});
-    CHECK(one.text.find("(cam01)") != std::string::npos);
+    CHECK(one.text == test::contains("(cam01)"));
 
     const CaptureFinding empty = only(check(spoiled([](Capture& c) {
                                           for (const std::size_t i : {std::size_t(3), std::size_t(20)})
@@ -248,7 +249,7 @@ TEST_CASE("faults of images and masks") {
                                       })),
                                       "empty-masks");
     CHECK(empty.views.size() == 2);
-    CHECK(empty.text.find("cam00/3, cam01/8") != std::string::npos);
+    CHECK(empty.text == test::contains("cam00/3, cam01/8"));
     const auto fill = [](PixelImage& image) {
         for (std::size_t i = 3; i < image.data.size(); i += 4) image.data[i] = 255;
     };
@@ -285,7 +286,7 @@ TEST_CASE("faults of cameras") {
     mended(check(with_cameras([](Camera<double>& c, std::size_t) { c.t = c.center(); })), "camera-position");
     const CaptureFinding units =
         mended(check(with_cameras([](Camera<double>& c, std::size_t) { c.t *= 1000; })), "camera-units");
-    CHECK(units.text.find("millimetres") != std::string::npos);
+    CHECK(units.text == test::contains("millimetres"));
     mended(check(with_cameras([](Camera<double>& c, std::size_t) { c.fx *= 2, c.fy *= 2, c.cx *= 2, c.cy *= 2; })),
            "other-resolution", 0.93);
     const CaptureFinding focal = mended(check(with_cameras([](Camera<double>& c, std::size_t k) {
@@ -300,8 +301,8 @@ TEST_CASE("faults of cameras") {
     CHECK(center.cameras == std::vector<std::size_t>{1});
     CHECK(result.reading.cameras[1].shift == vec2<double>(-6, 4));
     const auto& truth = scene().capture.cameras[1].camera;
-    CHECK(center.text.find("store cx " + detail::digits(truth.cx, 1) + ", cy " + detail::digits(truth.cy, 1)) !=
-          std::string::npos);
+    CHECK(center.text ==
+          test::contains("store cx " + detail::digits(truth.cx, 1) + ", cy " + detail::digits(truth.cy, 1)));
 
     // All cameras have the image's middle in place of the principal point.
     CHECK(mended(check(with_cameras(
@@ -320,8 +321,8 @@ TEST_CASE("faults of cameras") {
 TEST_CASE("faults of poses") {
     const auto with_motion = [](const auto& change) { return spoiled([&](Capture& c) { change(c.motion); }); };
     CHECK(mended(check(with_motion([](Motion& m) { exchange_sides(m, true); })), "mirrored-poses").cameras.empty());
-    CHECK(mended(check(with_motion([](Motion& m) { exchange_sides(m, false); })), "mirrored-poses")
-              .text.find("exchanged") != std::string::npos);
+    CHECK(mended(check(with_motion([](Motion& m) { exchange_sides(m, false); })), "mirrored-poses").text ==
+          test::contains("exchanged"));
     mended(check(with_motion(write_degrees)), "degrees");
     mended(check(with_motion([](Motion& m) { write_units(m, 1000); })), "translation-units");
     mended(check(with_motion([](Motion& m) { displace(m, resting_root(m)); })), "translation-origin");
@@ -330,7 +331,7 @@ TEST_CASE("faults of poses") {
                                             displace(m, {0.05, 0.1, -0.06});
                                         })),
                                         "displaced-body");
-    CHECK(moved.text.find("(-0.05") != std::string::npos);
+    CHECK(moved.text == test::contains("(-0.05"));
 }
 
 TEST_CASE("betas that are missing, and a body in millimetres") {
@@ -339,13 +340,13 @@ TEST_CASE("betas that are missing, and a body in millimetres") {
     capture = film_boxes(scene().body, capture.motion);
     capture.motion.betas = {0.0};
     const CaptureFinding finding = mended(check(capture), "body-size", 0.9);
-    CHECK(finding.text.find("scaled by 1.2") != std::string::npos);
-    CHECK(finding.text.find("betas are all zero") != std::string::npos);
+    CHECK(finding.text == test::contains("scaled by 1.2"));
+    CHECK(finding.text == test::contains("betas are all zero"));
 
     BodyModel large = scene().body;
     for (auto& v : large.v_template) v *= 1000.0;
     for (auto& v : large.shapedirs) v *= 1000.0;
-    CHECK(mended(check(scene().capture, large), "body-size").text.find("not in metres") != std::string::npos);
+    CHECK(mended(check(scene().capture, large), "body-size").text == test::contains("not in metres"));
 }
 
 TEST_CASE("frames in another order") {
@@ -358,15 +359,15 @@ TEST_CASE("frames in another order") {
         });
     };
     using Kind = FrameOrder::Kind;
-    CHECK(mended(check(in_order({Kind::reversed, 0})), "frame-order").text.find("reverse") != std::string::npos);
-    CHECK(mended(check(in_order({Kind::names_from_1, 0})), "frame-order").text.find("zeros") != std::string::npos);
+    CHECK(mended(check(in_order({Kind::reversed, 0})), "frame-order").text == test::contains("reverse"));
+    CHECK(mended(check(in_order({Kind::names_from_1, 0})), "frame-order").text == test::contains("zeros"));
     const Capture later = in_order({Kind::offset, 1});
     const CaptureCheck result = check(later);
     INFO(texts(result));
     REQUIRE(!result.findings.empty());
     CHECK(result.findings[0].fault == "frame-order");
-    CHECK(result.findings[0].text.find("pair image n with pose n + 1") != std::string::npos);
-    CHECK(texts(result).find("no-overlap") == std::string::npos); // the last image has no pose and is not counted
+    CHECK(result.findings[0].text == test::contains("pair image n with pose n + 1"));
+    CHECK(texts(result) != test::contains("no-overlap")); // the last image has no pose and is not counted
     // Only one camera started late.
     Capture one = scene().capture;
     std::copy(later.images.begin() + 12, later.images.begin() + 24, one.images.begin() + 12);
@@ -378,8 +379,8 @@ TEST_CASE("frames in another order") {
 
 TEST_CASE("mean hands that were forgotten, or added twice") {
     const auto add = [](double times) { return spoiled([&](Capture& c) { add_mean_hands(c.motion, times); }); };
-    CHECK(mended(check(add(-1)), "mean-hand-missing").text.find("flat_hand = 0") != std::string::npos);
-    CHECK(mended(check(add(1)), "mean-hand-twice").text.find("flat_hand = 1") != std::string::npos);
+    CHECK(mended(check(add(-1)), "mean-hand-missing").text == test::contains("flat_hand = 0"));
+    CHECK(mended(check(add(1)), "mean-hand-twice").text == test::contains("flat_hand = 1"));
     CHECK(only(check(add(-1)), "mean-hand-missing").measure == "IoU around the hands");
 }
 
@@ -413,7 +414,7 @@ TEST_CASE("another body, and captures that are none") {
     const CaptureFinding finding = only(check(capture), "another-body");
     CHECK(finding.given == 24);
     CHECK(finding.mended == 55);
-    CHECK(finding.text.find("--body") != std::string::npos);
+    CHECK(finding.text == test::contains("--body"));
 
     capture = scene().capture;
     capture.images.pop_back();
@@ -443,7 +444,7 @@ TEST_CASE("two people: good poses have no fault, and each of them is seen") {
         }
     }
     // Checked alone, each person has masks that also show the other one, and the check reports no overlap.
-    CHECK(texts(check(two().capture, scene().body)).find("no-overlap") != std::string::npos);
+    CHECK(texts(check(two().capture, scene().body)) == test::contains("no-overlap"));
 }
 
 TEST_CASE("two people: a fault in the poses of one of them is found there") {
@@ -469,7 +470,7 @@ TEST_CASE("two people: a fault in the poses of one of them is found there") {
         const CaptureFinding finding = mended(spoiled.check(), faults[k].first, 0.9);
         CHECK(finding.people == std::vector<std::string>{name});
         CHECK(finding.cameras.empty());
-        CHECK(finding.text.find("(poses of " + name + ")") != std::string::npos);
+        CHECK(finding.text == test::contains("(poses of " + name + ")"));
     }
 }
 
@@ -495,7 +496,7 @@ TEST_CASE("two people: what both have in common, and faults that come together")
     write_degrees(both.ann), write_degrees(both.bob);
     const CaptureFinding degrees = mended(both.check(), "degrees");
     CHECK(degrees.people.empty());
-    CHECK(degrees.text.find("(poses)") != std::string::npos);
+    CHECK(degrees.text == test::contains("(poses)"));
 
     Two each = two();
     write_degrees(each.ann), write_units(each.bob, 100);
@@ -530,7 +531,7 @@ TEST_CASE("poses of somebody who is not in the images") {
         const CaptureCheck result = check(capture, people);
         const CaptureFinding finding = only(result, "absent-person");
         CHECK(finding.people == std::vector<std::string>{"cleo"});
-        CHECK(finding.text.find("(poses of cleo)") != std::string::npos);
+        CHECK(finding.text == test::contains("(poses of cleo)"));
         CHECK(finding.mended == 1);
         for (const ViewCheck& v : result.views) CHECK(v.people[0].covered == 1);
         return finding;
@@ -546,7 +547,7 @@ TEST_CASE("poses of somebody who is not in the images") {
     displace(away, {100, 0, 0});
     people[2].motion = &away;
     CHECK(absent(two().capture).given == 0);
-    CHECK(absent(two().capture).measure.find("in the masks") != std::string::npos);
+    CHECK(absent(two().capture).measure == test::contains("in the masks"));
 }
 
 TEST_CASE("people who do not fit the capture or their bodies") {
@@ -555,7 +556,7 @@ TEST_CASE("people who do not fit the capture or their bodies") {
     other.bob.pose.resize(6 * 24);
     const CaptureFinding finding = only(other.check(), "another-body");
     CHECK(finding.people == std::vector<std::string>{"bob"});
-    CHECK(finding.text.find("(poses of bob)") != std::string::npos);
+    CHECK(finding.text == test::contains("(poses of bob)"));
 
     other.bob = dance(scene().body, 5);
     test::check_throws<ShapeError>([&] { (void)other.check(); }, {"check_capture", "5", "6"});
@@ -573,8 +574,8 @@ TEST_CASE("low overlaps that no mistake explains are advice to register poses, n
     check.views[0].iou = 0.7, check.views[1].iou = 0.72;
     const std::vector<CaptureAdvice> lines = advice(capture, check);
     REQUIRE(lines.size() == 1);
-    CHECK(lines[0].text.find("overlap by 0.71") != std::string::npos);
-    CHECK(lines[0].text.find("--refine") != std::string::npos);
+    CHECK(lines[0].text == test::contains("overlap by 0.71"));
+    CHECK(lines[0].text == test::contains("--refine"));
     check.findings.emplace_back();
     CHECK(advice(capture, check).empty()); // the mistake explains it
 }
@@ -592,7 +593,7 @@ TEST_CASE("a frame whose overlap lies far below the others is named") {
     const std::vector<CaptureAdvice> lines = advice(capture, check);
     REQUIRE(lines.size() == 1);
     CHECK(lines[0].text.find("frames 4 (0.70): ") == 0);
-    CHECK(lines[0].text.find("others (0.91)") != std::string::npos);
+    CHECK(lines[0].text == test::contains("others (0.91)"));
     check.views.erase(check.views.begin() + 6, check.views.end());
     check.views[0].iou = check.views[1].iou = 0.8; // three frames do not show what is usual
     CHECK(advice(capture, check).empty());

@@ -4,6 +4,7 @@
 
 #include "check/box_scene.hpp"
 #include "io/temporary.hpp"
+#include "support/contains.hpp"
 
 #include <gsh/backend/threads.hpp>
 #include <gsh/io/capture/capture.hpp>
@@ -39,7 +40,7 @@ CaptureFinding finding_of(const Capture& capture, const char* fault, const char*
     INFO(texts(result));
     REQUIRE(result.findings.size() == 1);
     CHECK(result.findings[0].fault == fault);
-    CHECK(result.findings[0].text.find(words) != std::string::npos);
+    CHECK(result.findings[0].text == test::contains(words));
     return result.findings[0];
 }
 
@@ -221,7 +222,7 @@ TEST_CASE("the remedy for a world with another axis upwards is a formula that ho
         };
         Capture capture = with_motion([&](Motion& m) { apply(m, transpose(W)); });
         const std::string text = finding_of(capture, "world-axes", words).text;
-        CHECK(text.find("global_orient' = W global_orient, transl' = W (transl + J0) - J0") != std::string::npos);
+        CHECK(text == test::contains("global_orient' = W global_orient, transl' = W (transl + J0) - J0"));
         apply(capture.motion, W);
         check_good(capture);
     }
@@ -298,7 +299,7 @@ TEST_CASE("remedies for the order of frames") {
     capture = shows([](std::size_t f) { return std::min<std::size_t>(f + 1, 11); });
     const CaptureCheck late = check(capture);
     REQUIRE(!late.findings.empty());
-    CHECK(late.findings[0].text.find("pair image n with pose n + 1") != std::string::npos);
+    CHECK(late.findings[0].text == test::contains("pair image n with pose n + 1"));
     Capture paired = capture; // the last image has no pose, and the first pose no image
     paired.images.clear();
     for (std::size_t k = 0; k < 3; ++k)

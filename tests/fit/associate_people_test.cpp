@@ -3,6 +3,7 @@
 #include <gsh/fit/associate_people.hpp>
 
 #include "fit/filmed_person.hpp"
+#include "support/contains.hpp"
 
 #include <gsh/synthetic/actor_motion.hpp>
 
@@ -277,7 +278,7 @@ TEST_CASE("what cannot be told apart is refused") {
     };
     const auto has = [](const std::string& message, const char* text) {
         CAPTURE(message);
-        CHECK(message.find(text) != std::string::npos);
+        CHECK(message == test::contains(text));
     };
     has(refused([](auto& p, auto&, auto&) { p[1].camera = 2; }), "camera 2 and frame 1, expected one of 2 cameras");
     has(refused([](auto& p, auto&, auto&) { p[1].frame = 0; }), "is given twice");

@@ -9,6 +9,7 @@
 #include <gsh/prior/mesh_rasterizer.hpp>
 
 #include "fit/filmed_person.hpp"
+#include "support/contains.hpp"
 
 #include <doctest/doctest.h>
 
@@ -231,7 +232,7 @@ TEST_CASE("what cannot be fitted is refused") {
     };
     const auto has = [](const std::string& message, const char* text) {
         CAPTURE(message);
-        CHECK(message.find(text) != std::string::npos);
+        CHECK(message == test::contains(text));
     };
     has(refused([](auto& p, auto&, auto&) { p[1].frame = 3; }), "camera 0 and frame 3");
     has(refused([](auto& p, auto&, auto&) { p[1].frame = 0; }), "is given twice");

@@ -3,6 +3,7 @@
 #include <gsh/fit/fit_people.hpp>
 
 #include "fit/filmed_person.hpp"
+#include "support/contains.hpp"
 
 #include <gsh/backend/serial.hpp>
 #include <gsh/body/joint_error.hpp>
@@ -93,9 +94,9 @@ TEST_CASE("one person is fitted once, and findings that are given are kept") {
         }
         return std::string("none");
     };
-    CHECK(refused({}, {}).find("there are no people") != std::string::npos);
-    CHECK(refused({{photos}}, {.cameras = CameraFindings{{0}, {{0, 0}}}}).find("an offset and a shift for each of 3") !=
-          std::string::npos);
+    CHECK(refused({}, {}) == test::contains("there are no people"));
+    CHECK(refused({{photos}}, {.cameras = CameraFindings{{0}, {{0, 0}}}}) ==
+          test::contains("an offset and a shift for each of 3"));
 }
 
 TEST_CASE("one mask of two people who stand close shows the shape of each nearly as well as its own mask") {

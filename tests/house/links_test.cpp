@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 /// @file  Checks that links in the pages lead to files that exist, and to headings that exist in them.
 
+#include "support/contains.hpp"
+
 #include <doctest/doctest.h>
 
 #include <cctype>
@@ -114,6 +116,6 @@ TEST_CASE("the index of docs/ leads to every page beside it") {
         const std::string name = entry.path().filename().string();
         if (!name.ends_with(".md") || name == "README.md") continue;
         CAPTURE(name);
-        CHECK(index.find("](" + name) != std::string::npos);
+        CHECK(index == gsh::test::contains("](" + name));
     }
 }

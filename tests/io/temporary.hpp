@@ -2,6 +2,8 @@
 /// @file  A directory for one test, and a check of an error's message.
 #pragma once
 
+#include "support/contains.hpp"
+
 #include <doctest/doctest.h>
 
 #include <gsh/core/error.hpp>
@@ -57,7 +59,7 @@ void check_throws(const Deed& deed, std::initializer_list<std::string_view> word
         const std::string message = error.what();
         for (const std::string_view word : words) {
             INFO("looking for '" << std::string(word) << "' in: " << message);
-            CHECK(message.find(word) != std::string::npos);
+            CHECK(message == gsh::test::contains(word));
         }
     } catch (const std::exception& error) {
         FAIL_CHECK("another type was thrown: " << std::string(error.what()));

@@ -56,7 +56,8 @@ struct Chain {
 
     /// A configuration at the size of this test. Priors are off unless `config` sets them.
     explicit Chain(AvatarConfig config = {.heads = Heads::separate}, bool with_priors = false)
-        : model(make(backend, rig, samples, config, with_priors ? priors(samples.size()) : CanonicalPriors())) {
+        : model(make(backend, rig, samples, config, with_priors ? priors(samples.size()) : CanonicalPriors(),
+                     config.light ? lit(backend) : ModelLight<B, double>())) {
         test::Rng rng(8);
         for (auto& value : truth.data) value = rng.uniform();
         // Fields with noticeable outputs: tables and rotations that are not near zero.
@@ -84,22 +85,23 @@ struct Chain {
         motion.transl = {rng.vec(-0.1, 0.1)};
         motion.timestamps = {0};
         model.rig().upload_pose(motion, 0, pose);
-        if (config.light) {
-            // Shadows have no gradient, so the loss must not depend on them.
-            LightData light = even_light(2, 3, {0, 0.8, 0}, 2.5);
-            light.shadows = false;
-            for (double& number : light.log_intensities) number += rng.uniform(-0.5, 0.5);
-            light.gloss = {-1.5, 1.5};
-            model.set_light(rig, std::make_shared<LearnedLight<B, double>>(backend, light));
-            fill("normal_offsets", -0.3, 0.3);
-        }
+        fill("normal_offsets", -0.3, 0.3);
         camera = {mat3<double>(1.0), {0.05, -0.78, 2.5}, 55, 58, 17.3, 20.9, 36, 40};
         splats.resize(model.size());
     }
 
     static Model make(B& backend, const RigData& rig, const SurfaceSamples& samples, const AvatarConfig& config,
-                      const CanonicalPriors& priors = {}) {
-        return make_avatar<B, double, 3, 2, 2>(backend, rig, samples, frame_count, 5, small(config), priors);
+                      const CanonicalPriors& priors = {}, ModelLight<B, double> light = {}) {
+        return make_avatar<B, double, 3, 2, 2>(backend, rig, samples, frame_count, 5, small(config), priors, light);
+    }
+    /// Shadows have no gradient, so the loss must not depend on them.
+    static ModelLight<B, double> lit(B& backend) {
+        test::Rng rng(13);
+        LightData light = even_light(2, 3, {0, 0.8, 0}, 2.5);
+        light.shadows = false;
+        for (double& number : light.log_intensities) number += rng.uniform(-0.5, 0.5);
+        light.gloss = {-1.5, 1.5};
+        return {std::make_shared<LearnedLight<B, double>>(backend, light)};
     }
     static AvatarConfig small(AvatarConfig config) {
         config.hash_base = 3, config.hash_growth = 1.6, config.hash_table_size = 128, config.ao_table_size = 64;
@@ -165,7 +167,7 @@ struct Chain {
         }
         for (const auto& array : model.learned())
             g.arrays[array.name].assign(array.gradient.begin(), array.gradient.end());
-        const auto& means = model.cache().poser.dL_dmeans;
+        const auto& means = model.cache().dL_dmeans;
         g.means.assign(means.begin(), means.end());
         return g;
     }
@@ -373,7 +375,7 @@ TEST_CASE("a box about a slim body has more of its cells on the body than a cube
 TEST_CASE("the chain's gradient of a Gaussian's mean") {
     Chain<cpu::Serial> chain;
     const auto gradient = chain.gradient();
-    const auto& cache = chain.model.cache().poser;
+    const auto& cache = chain.model.cache();
     std::vector<vec3<double>> means(cache.means.begin(), cache.means.end()); // x̂₀(t)
     SkinnedView<const double> gaussians = chain.model.gaussians();
     gaussians.means = means;

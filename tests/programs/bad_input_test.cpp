@@ -2,6 +2,7 @@
 /// @file  Bad input: programs print one clear line, exit with 2 and leave no partial output.
 #include "programs/process.hpp"
 #include "programs/small_capture.hpp"
+#include "support/contains.hpp"
 
 #include <gsh/io/file/atomic_file.hpp>
 #include <gsh/io/file/folder_lock.hpp>
@@ -387,7 +388,7 @@ TEST_CASE("a disk that fills up leaves what was there, and nothing else") {
     test::Outcome outcome = run(s.reconstruct(out, {"--steps", "1"}), 2000);
     CHECK(outcome.code == 2);
     CHECK(last_line(outcome.err).starts_with("gsh-reconstruct: " + (out / "checkpoint.gsh").string()));
-    CHECK(outcome.err.find("File too large") != std::string::npos);
+    CHECK(outcome.err == test::contains("File too large"));
     CHECK(!fs::exists(out));
 
     // The results of an earlier run stay unchanged.

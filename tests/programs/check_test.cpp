@@ -3,6 +3,7 @@
 #include "io/gala_files.hpp"
 #include "programs/process.hpp"
 #include "programs/small_capture.hpp"
+#include "support/contains.hpp"
 
 #include <gsh/io/image/image_file.hpp>
 
@@ -52,10 +53,10 @@ nlohmann::json check_of(const std::function<void(Capture&)>& spoil) {
     CHECK(outcome.err.empty());
     const auto json = json_of(folder / "out/check.json");
     for (const auto& finding : json.at("findings")) {
-        CHECK(outcome.out.find(finding.at("text").get<std::string>()) != std::string::npos);
+        CHECK(outcome.out == test::contains(finding.at("text").get<std::string>()));
         CHECK(finding.at("help").get<std::string>().starts_with("docs/README.md#"));
     }
-    CHECK(outcome.out.find("\nread docs/README.md, \"") != std::string::npos);
+    CHECK(outcome.out == test::contains("\nread docs/README.md, \""));
     return json;
 }
 nlohmann::json findings(const std::function<void(Capture&)>& spoil) { return check_of(spoil).at("findings"); }
@@ -67,8 +68,8 @@ TEST_CASE("a good capture: figures, pictures, and nothing to complain about") {
     const fs::path out = folder / "out", other = folder / "other";
     const test::Outcome outcome = run(words(studio().path, out, {"--threads", "1"}));
     test::check_done(outcome);
-    CHECK(outcome.out.find("6 images of 3 cameras, mean IoU") != std::string::npos);
-    CHECK(outcome.out.find("nothing suspicious") != std::string::npos);
+    CHECK(outcome.out == test::contains("6 images of 3 cameras, mean IoU"));
+    CHECK(outcome.out == test::contains("nothing suspicious"));
     const auto json = json_of(out / "check.json");
     CHECK(json.at("mean_iou") > 0.93); // images of 64 pixels
     CHECK(json.at("findings").empty());
@@ -152,20 +153,20 @@ TEST_CASE("masks whose numbers are unclear are named by both programs, and an em
     write_masks(128, 128);
     test::Outcome outcome = run(words(path, out));
     CHECK(outcome.code == 0);
-    CHECK(outcome.err.find("the masks of camera 'cam00' hold 0, 128 instead of 0 and 255") != std::string::npos);
-    CHECK(outcome.out.find("nothing suspicious") != std::string::npos);
+    CHECK(outcome.err == test::contains("the masks of camera 'cam00' hold 0, 128 instead of 0 and 255"));
+    CHECK(outcome.out == test::contains("nothing suspicious"));
 
     write_masks(255, 255);
     write_png(path / "masks/cam01/0001.png", PixelImage(1, 64, 64));
     outcome = run(words(path, out));
     CHECK(outcome.code == 1);
-    CHECK(outcome.out.find("empty-masks (cam01/1)") != std::string::npos);
-    CHECK(outcome.out.find("training leaves these images out") != std::string::npos);
+    CHECK(outcome.out == test::contains("empty-masks (cam01/1)"));
+    CHECK(outcome.out == test::contains("training leaves these images out"));
     outcome = run(train);
     INFO(outcome.err);
     CHECK(outcome.code == 0);
-    CHECK(outcome.err.find("1 of 6 photographs have an empty mask and are left out: images/cam01/0001.png") !=
-          std::string::npos);
+    CHECK(outcome.err ==
+          test::contains("1 of 6 photographs have an empty mask and are left out: images/cam01/0001.png"));
     CHECK(fs::exists(trained / "avatar.gsh"));
 }
 
@@ -180,12 +181,12 @@ TEST_CASE("exposure that drifts is advice: printed, in the file, and no fault") 
     save_capture(folder / "capture", capture);
     const test::Outcome outcome = run(words(folder / "capture", folder / "out"));
     test::check_done(outcome);
-    CHECK(outcome.out.find("exposure drifts from -0.") != std::string::npos);
-    CHECK(outcome.out.find("nothing suspicious") == std::string::npos);
+    CHECK(outcome.out == test::contains("exposure drifts from -0."));
+    CHECK(outcome.out != test::contains("nothing suspicious"));
     const auto json = json_of(folder / "out/check.json");
     CHECK(json.at("findings").empty());
     REQUIRE(json.at("advice").size() == 1);
-    CHECK(outcome.out.find(json.at("advice")[0].at("text").get<std::string>()) != std::string::npos);
+    CHECK(outcome.out == test::contains(json.at("advice")[0].at("text").get<std::string>()));
     CHECK(json.at("advice")[0].at("help") == "docs/README.md#brightness-and-colours-change-between-photographs");
     for (const auto& image : json.at("images"))
         CHECK(image.at("exposure")[1].get<double>() * (image.at("frame") == 0 ? 1 : -1) > 0.25);
@@ -222,8 +223,8 @@ TEST_CASE("several people are checked together, one of them alone if so wished")
     const test::Outcome outcome = run(words(path, out, {"--poses", "ann.npz", "--poses", "bob.npz"}));
     CHECK(outcome.code == 1);
     CHECK(outcome.err.empty());
-    CHECK(outcome.out.find("translation-units (poses of bob)") != std::string::npos);
-    CHECK(outcome.out.find("\nperson ") != std::string::npos);
+    CHECK(outcome.out == test::contains("translation-units (poses of bob)"));
+    CHECK(outcome.out == test::contains("\nperson "));
     json = json_of(out / "check.json");
     REQUIRE(json.at("findings").size() == 1);
     CHECK(json.at("findings")[0].at("people") == nlohmann::json{"bob"});
@@ -277,5 +278,5 @@ TEST_CASE("input that cannot be checked is refused") {
     refuse(words(studio().path, out, {"--body", studio().body_file}), {"2 body models for 1 people"});
     const test::Outcome help = run({"gsh-check", "--help"});
     CHECK(help.code == 0);
-    CHECK(help.out.find("--frames") != std::string::npos);
+    CHECK(help.out == test::contains("--frames"));
 }

@@ -7,6 +7,7 @@
 #include "programs/process.hpp"
 #include "programs/small_capture.hpp"
 #include "support/bodies.hpp"
+#include "support/contains.hpp"
 #include "support/gradient.hpp"
 
 #include <gsh/body/joint_error.hpp>
@@ -156,7 +157,7 @@ TEST_CASE("a file of settings is what the same settings are on the command line"
     CHECK(other.avatar_bytes() != file.avatar_bytes());
 
     // The page shows the file's name, and the checkpoint stores the settings.
-    CHECK(read_file(file / "report.html").find("mine") != std::string::npos);
+    CHECK(read_file(file / "report.html") == test::contains("mine"));
     check_refused(reconstruct(file, {"--steps", "4", "--config", "no-ao", "--resume"}), "gsh-reconstruct",
                   {"checkpoint.gsh", "a different run"});
     check_done(reconstruct(file, {"--steps", "4", "--config", mine.string(), "--resume"}));
@@ -182,11 +183,10 @@ TEST_CASE("refinement leaves refined poses, says so, and resumes") {
                            capture));
     // Poses that start to learn at the end of the run do not change.
     CHECK(load_motion(out / "poses_refined.npz", studio().body).pose == noisy.pose);
-    CHECK(out.metrics().at("protocol").get<std::string>().find("poses_noisy.npz, refined in training") !=
-          std::string::npos);
+    CHECK(out.metrics().at("protocol").get<std::string>() == test::contains("poses_noisy.npz, refined in training"));
     check_done(reconstruct(plain, {"--poses", "poses_noisy.npz", "--steps", "3"}, capture));
     CHECK(!fs::exists(plain / "poses_refined.npz"));
-    CHECK(plain.metrics().at("protocol").get<std::string>().find("as given, not refined") != std::string::npos);
+    CHECK(plain.metrics().at("protocol").get<std::string>() == test::contains("as given, not refined"));
     CHECK(out.avatar_bytes() == plain.avatar_bytes()); // test images have no influence on the avatar
     CHECK(out.metrics().at("psnr") != plain.metrics().at("psnr")); // but on the poses in which it is evaluated
 
@@ -203,8 +203,7 @@ TEST_CASE("refinement leaves refined poses, says so, and resumes") {
     check_refused(reconstruct(moved, with({"--steps", "50", "--set", "refine.betas.rate=1e-3", "--resume"}), capture),
                   "gsh-reconstruct", {"checkpoint.gsh"});
     check_done(reconstruct(plain, with({"--steps", "3", "--refine-cameras", "--set", "refine.test_steps=0"}), capture));
-    CHECK(plain.metrics().at("protocol").get<std::string>().find("refined in training, not fitted") !=
-          std::string::npos);
+    CHECK(plain.metrics().at("protocol").get<std::string>() == test::contains("refined in training, not fitted"));
 
     // The fit of test poses shows its progress. A signal ends it within a frame, and earlier results stay.
     const std::string before = moved.avatar_bytes();
@@ -230,15 +229,15 @@ TEST_CASE("registration moves poses and shape before training, says so, and come
     };
     const test::Outcome outcome = refined(out, {"--steps", "4"});
     check_done(outcome);
-    CHECK(outcome.out.find("registration: the registered bodies explain the photographs to") != std::string::npos);
+    CHECK(outcome.out == test::contains("registration: the registered bodies explain the photographs to"));
     const auto metrics = out.metrics();
-    CHECK(metrics.at("protocol").get<std::string>().find("registered to the training images") != std::string::npos);
+    CHECK(metrics.at("protocol").get<std::string>() == test::contains("registered to the training images"));
     const auto& registration = metrics.at("registration");
     CHECK(registration.at("people").at(0).at("joints_mm") > 1.0);
     CHECK(registration.at("frame_fit").size() == noisy.frame_count());
     CHECK(registration.at("psnr") > 15.0);
     CHECK(registration.at("focal").is_null()); // two cameras
-    CHECK(read_file(out / "report.html").find("registered bodies") != std::string::npos);
+    CHECK(read_file(out / "report.html") == test::contains("registered bodies"));
     CHECK(load_motion(out / "poses_refined.npz", studio().body).pose != noisy.pose);
 
     check_done(refined(again, {"--steps", "2"}));
@@ -308,8 +307,8 @@ TEST_CASE("a run with keypoints and a doubted frame resumes with the same bits, 
     const auto check_finished = [](const test::Outcome& outcome) {
         INFO(outcome.err);
         CHECK(outcome.code == 0);
-        CHECK(outcome.err.find("warning: frames 3 fit clearly worse") != std::string::npos);
-        CHECK(outcome.out.find("with keypoints in 12 photographs") != std::string::npos);
+        CHECK(outcome.err == test::contains("warning: frames 3 fit clearly worse"));
+        CHECK(outcome.out == test::contains("with keypoints in 12 photographs"));
     };
     check_finished(run(words(whole)));
     test::Process process(words(parts));
@@ -378,7 +377,7 @@ TEST_CASE("a person before a plate is trained and judged over it") {
     }
     save_capture(capture, filmed);
     check_done(reconstruct(out, {"--steps", "3"}, capture));
-    CHECK(out.metrics().at("protocol").get<std::string>().find("the capture's backgrounds") != std::string::npos);
+    CHECK(out.metrics().at("protocol").get<std::string>() == test::contains("the capture's backgrounds"));
     const PixelImage picture = read_image(out.path / "test" / "test00_0000.png");
     REQUIRE(picture.width == 3 * 64);
     const PixelImage& plate = filmed.backgrounds[2];
@@ -417,7 +416,7 @@ TEST_CASE("with weights there is LPIPS, and it says which") {
     check_done(reconstruct(out, words("lpips.safetensors")));
     CHECK(out.metrics().at("lpips") > 0.0);
     CHECK(out.metrics().at("images")[1].at("lpips") > 0.0);
-    CHECK(out.metrics().at("protocol").get<std::string>().find("LPIPS") != std::string::npos);
+    CHECK(out.metrics().at("protocol").get<std::string>() == test::contains("LPIPS"));
     const Out table;
     auto as_in_tables = words("lpips.safetensors");
     as_in_tables.push_back("--lpips-table");
@@ -450,8 +449,7 @@ TEST_CASE("static: one frame as a scene of its own, without a body or poses") {
     CHECK(metrics.at("steps") == 40);
     CHECK(metrics.at("gaussians") <= 1500);
     CHECK(metrics.at("psnr") > 10.0);
-    CHECK(metrics.at("protocol").get<std::string>().find("capture, frame 1 (1 images, 2 in training)") !=
-          std::string::npos);
+    CHECK(metrics.at("protocol").get<std::string>() == test::contains("capture, frame 1 (1 images, 2 in training)"));
     REQUIRE(metrics.at("images").size() == 1);
     CHECK(fs::exists(out.path / "test" / "test00.png"));
     CHECK(read_gaussian_ply(out / "scene.ply").size() == metrics.at("gaussians"));

@@ -3,6 +3,7 @@
 #include "programs/process.hpp"
 #include "programs/small_capture.hpp"
 #include "support/bodies.hpp"
+#include "support/contains.hpp"
 
 #include <gsh/camera/pinhole.hpp>
 #include <gsh/io/file/npz_writer.hpp>
@@ -108,7 +109,7 @@ TEST_CASE("tables, pictures and a page hold every configuration") {
         run(s.evaluate(out, s.configs({"paper", "no-ao", "static"}), {"--steps", "6,3", "--views", "2"}));
     check_done(outcome);
     for (const char* words : {"| paper ", "| no-ao ", "| static ", "## Contribution of each part", "3 of 6 steps"})
-        CHECK(outcome.out.find(words) != std::string::npos);
+        CHECK(outcome.out == test::contains(words));
 
     const Json tables = ordered_json_of(out / "tables.json");
     CHECK(tables.at("reference") == "paper");
@@ -135,8 +136,7 @@ TEST_CASE("tables, pictures and a page hold every configuration") {
     const auto psnr = [&](std::size_t row) { return tables.at("figures")[row].at("psnr").get<double>(); };
     CHECK(difference.at("psnr").get<double>() == doctest::Approx(psnr(3) - psnr(1)));
     CHECK(difference.at("paper")[0].at("psnr").get<double>() == doctest::Approx(38.825 - 40.96));
-    CHECK(read_file(out / "tables.md").find("-2.13 dB, SSIM -0.0031, LPIPS +0.0011 (GalaBasketball)") !=
-          std::string::npos);
+    CHECK(read_file(out / "tables.md") == test::contains("-2.13 dB, SSIM -0.0031, LPIPS +0.0011 (GalaBasketball)"));
 
     REQUIRE(tables.at("costs").size() == 3);
     const Json &paper = tables.at("costs")[0], &no_ao = tables.at("costs")[1];
@@ -150,7 +150,7 @@ TEST_CASE("tables, pictures and a page hold every configuration") {
     }
     for (const Json& cost : tables.at("costs")) CHECK(cost.at("backend") == "threads");
     CHECK(ordered_json_of(out / "runs/static-6-steps/result.json").at("backend") == "threads");
-    CHECK(read_file(out / "tables.md").find("computed on") != std::string::npos);
+    CHECK(read_file(out / "tables.md") == test::contains("computed on"));
     CHECK(paper.at("ao_touched_entries") > 0);
     CHECK(no_ao.at("ao_entries") == 0);
     CHECK(no_ao.at("settings").at("ao") == "none");
@@ -162,7 +162,7 @@ TEST_CASE("tables, pictures and a page hold every configuration") {
     CHECK(second.height == 3 * 64 + 2 * 4);
     CHECK(first.width > 2 * 64 + 3 * 12); // render, error, crops
     const std::string page = read_file(out / "report.html");
-    CHECK(page.find("http") == std::string::npos);
+    CHECK(page != test::contains("http"));
     std::size_t pictures = 0;
     for (std::size_t at = page.find("src=\"data:image/png;base64,"); at != std::string::npos;
          at = page.find("src=\"data:image/png;base64,", at + 1))
@@ -229,7 +229,7 @@ TEST_CASE("an interrupted evaluation goes on, and ends with the figures of one t
         process.send(SIGINT);
         const test::Outcome outcome = process.wait();
         CHECK(outcome.code == 130);
-        CHECK(outcome.err.find("stopped; the same command continues from there") != std::string::npos);
+        CHECK(outcome.err == test::contains("stopped; the same command continues from there"));
         CHECK(fs::exists(folder / "parts/runs/paper-60-steps/checkpoint.gsh"));
         CHECK(!fs::exists(folder / "parts/runs/paper-60-steps/result.json"));
         CHECK(ordered_json_of(folder / "parts/tables.json").at("figures").size() == 2); // of the finished runs
@@ -267,7 +267,7 @@ TEST_CASE("a second call adds what is new, and runs again what has changed") {
     CHECK(tables.at("figures")[2].at("name") == "paper rate.sh=0.001");
     CHECK(tables.at("figures")[2].at("configuration") == "paper");
     CHECK(tables.at("figures")[2].at("after") == "0.1 s");
-    CHECK(tables.at("figures")[2].at("protocol").get<std::string>().find("Trained for 0.1 s on ") != std::string::npos);
+    CHECK(tables.at("figures")[2].at("protocol").get<std::string>() == test::contains("Trained for 0.1 s on "));
     const Json other{{"configuration", "no-ao"}, {"hash.table_size", 2048}};
     const std::string kept = read_file(s.folder / "no-ao.json");
     write_file(s.folder / "no-ao.json", other.dump());
@@ -327,15 +327,15 @@ TEST_CASE("refined poses are reported as such, and so is LPIPS") {
                                    {"no-ao, refined", "2 steps"}});
     for (const Json& row : figures) {
         const std::string protocol = row.at("protocol");
-        CHECK(protocol.find("fitted to the test images at test time") != std::string::npos);
-        CHECK(protocol.find(" LPIPS ") != std::string::npos);
+        CHECK(protocol == test::contains("fitted to the test images at test time"));
+        CHECK(protocol == test::contains(" LPIPS "));
         CHECK(row.at("lpips") > 0.0);
     }
     CHECK(tables.at("differences")[0].at("lpips").is_number());
     CHECK(tables.at("differences")[1].at("protocol") == figures[3].at("protocol"));
     CHECK(tables.at("differences")[1].at("reference_protocol") == figures[1].at("protocol"));
-    CHECK(read_file(folder / "out/tables.md").find(" [2] − [2] |") != std::string::npos);
-    CHECK(read_file(folder / "out/tables.md").find("| SSIM   | LPIPS") != std::string::npos);
+    CHECK(read_file(folder / "out/tables.md") == test::contains(" [2] − [2] |"));
+    CHECK(read_file(folder / "out/tables.md") == test::contains("| SSIM   | LPIPS"));
 }
 
 TEST_CASE("what cannot be evaluated is refused in a line, and leaves nothing") {

@@ -3,6 +3,7 @@
 #include "io/glb_json.hpp"
 #include "programs/process.hpp"
 #include "programs/small_capture.hpp"
+#include "support/contains.hpp"
 #include "support/skip.hpp"
 
 #include <gsh/io/file/npy.hpp>
@@ -107,7 +108,7 @@ TEST_CASE("each still format of a posed frame is drawn like the avatar itself") 
         words.insert(words.end(), c.more.begin(), c.more.end());
         const Outcome outcome = s.make(s.avatar, c.file, words);
         check_done(outcome);
-        CHECK(outcome.out.find("1500 Gaussians") != std::string::npos);
+        CHECK(outcome.out == test::contains("1500 Gaussians"));
         CHECK(s.psnr(s.draw(s.folder / c.file), truth) > c.least);
     }
     // What the pose changes is seen.
@@ -133,8 +134,8 @@ TEST_CASE("the PLY that gsh-reconstruct writes is y down for others and upright 
     const ExportedActor& s = exported_actor();
     const fs::path scene = s.folder / "out/avatar.ply";
     const std::string bytes = read_file(scene);
-    CHECK(bytes.find("comment gsh.up -y\n") != std::string::npos);
-    CHECK(bytes.find("comment gsh.filter dilation 0.1 compensated\n") != std::string::npos);
+    CHECK(bytes == test::contains("comment gsh.up -y\n"));
+    CHECK(bytes == test::contains("comment gsh.filter dilation 0.1 compensated\n"));
     CHECK(s.psnr(s.draw(scene), s.draw(s.avatar)) > 25); // the mean light is not that of the pose
 }
 
@@ -238,15 +239,15 @@ TEST_CASE("what a format cannot hold is told with numbers") {
     const std::string spz = warning_of(cloud, "a.spz");
     for (const char* words : {"in steps of 0.00195312", "1 of 5 Gaussians have a scale beyond e^-10 to e^5.94",
                               "1 of 5 Gaussians have a colour beyond -0.44 to 1.44"})
-        CHECK(spz.find(words) != std::string::npos);
+        CHECK(spz == test::contains(words));
     double least = 1e30; // in any order
     for (const vec3<float>& mean : load_any_splats(folder / "a.spz").cloud.means)
         least = std::min<double>(least, length(mean - vec3<float>(3000, 0, -9000)));
     CHECK(least < 1e-2);
-    CHECK(warning_of(cloud, "a.splat").find("1 of 5 Gaussians have a colour beyond 0 to 1") != std::string::npos);
+    CHECK(warning_of(cloud, "a.splat") == test::contains("1 of 5 Gaussians have a colour beyond 0 to 1"));
     cloud.means[1].x = 3e8f;
-    CHECK(warning_of(cloud, "a.spz").find("1 of 5 Gaussians lie farther out") != std::string::npos);
-    CHECK(warning_of(cloud, "a.compressed.ply").find("invisible Gaussians") != std::string::npos);
+    CHECK(warning_of(cloud, "a.spz") == test::contains("1 of 5 Gaussians lie farther out"));
+    CHECK(warning_of(cloud, "a.compressed.ply") == test::contains("invisible Gaussians"));
 }
 
 TEST_CASE("scenes that cannot be used are refused with their names") {
@@ -268,7 +269,7 @@ TEST_CASE("scenes that cannot be used are refused with their names") {
     write_file(scene, bytes);
     const Outcome outcome = render();
     check_refused(outcome, "gsh-render", {"scene.ply: scale_0 of vertex 2 is 90"});
-    CHECK(outcome.err.find("learning") == std::string::npos);
+    CHECK(outcome.err != test::contains("learning"));
 }
 
 TEST_CASE("frames become a folder of numbered files, whole or not at all") {
@@ -278,7 +279,7 @@ TEST_CASE("frames become a folder of numbered files, whole or not at all") {
         const std::string name = std::string("walk") + ending;
         const Outcome outcome = s.make(s.avatar, name, {"--poses", s.dance.string(), "--frames", "0:2:2"});
         CHECK(outcome.code == 0);
-        CHECK(outcome.out.find("2 files") != std::string::npos);
+        CHECK(outcome.out == test::contains("2 files"));
         CHECK(test::files_below(s.folder / "walk") == 2); // the files of the format before are replaced
         for (const char* number : {"0000", "0001"})
             CHECK(fs::exists(s.folder / ("walk/frame_" + std::string(number) + ending)));
@@ -319,7 +320,7 @@ TEST_CASE("a moving .glb shows each frame at its time; a mesh has bones") {
     CHECK(mesh["animations"].size() == 1);
     CHECK(mesh["meshes"][0]["primitives"][0]["targets"].size() == 10);
     check_done(s.make(s.avatar, "m.usda", {"--poses", s.dance.string(), "--frames", "0:2"}));
-    CHECK(read_file(s.folder / "m.usda").find("endTimeCode = 2") != std::string::npos);
+    CHECK(read_file(s.folder / "m.usda") == test::contains("endTimeCode = 2"));
 }
 
 TEST_CASE("a compact avatar is small and moves like the exact one") {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 /// @file  gsh-fit tells two people apart whom one camera films, and makes one capture of both.
 #include "programs/process.hpp"
+#include "support/contains.hpp"
 
 #include <gsh/backend/serial.hpp>
 #include <gsh/body/joint_error.hpp>
@@ -139,8 +140,8 @@ TEST_CASE("two people who cross become a capture of two, in one world, with name
     check_done(outcome);
     CAPTURE(outcome.out);
     CHECK(!fs::exists(pair.detections / "poses.npz"));
-    CHECK(outcome.out.find("--poses ann.npz,bob.npz") != std::string::npos);
-    CHECK(outcome.out.find("bob: out of view in frames 22") != std::string::npos);
+    CHECK(outcome.out == test::contains("--poses ann.npz,bob.npz"));
+    CHECK(outcome.out == test::contains("bob: out of view in frames 22"));
     for (const char* file : {"walk_ann.bvh", "walk_bob.bvh"}) CHECK(fs::file_size(pair.folder / file) > 1000);
     CHECK(!fs::exists(pair.folder / "walk.bvh"));
 
@@ -188,15 +189,15 @@ TEST_CASE("two people who cross become a capture of two, in one world, with name
     CAPTURE(checked.err);
     CHECK(checked.code >= 0);
     CHECK(checked.code <= 1);
-    CHECK(checked.out.find("bob") != std::string::npos);
+    CHECK(checked.out == test::contains("bob"));
 }
 
 TEST_CASE("without --people the one who is seen longest is fitted, and a note tells of the other; auto finds both") {
     FilmedPair& pair = filmed_pair();
     const auto outcome = run(pair.fit());
     check_done(outcome);
-    CHECK(outcome.out.find("2 people are in view") != std::string::npos);
-    CHECK(outcome.out.find("--people 2 fits all") != std::string::npos);
+    CHECK(outcome.out == test::contains("2 people are in view"));
+    CHECK(outcome.out == test::contains("--people 2 fits all"));
     const Motion ann = load_motion(pair.detections / "poses.npz", pair.body);
     CHECK(ann.transl[27].x - ann.transl[2].x > 1.5);
     fs::remove(pair.detections / "poses.npz");

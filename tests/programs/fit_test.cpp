@@ -2,6 +2,7 @@
 /// @file  gsh-fit makes a detector's folder a capture that gsh-check accepts, and refuses what it cannot read.
 #include "programs/filmed_turn.hpp"
 #include "programs/process.hpp"
+#include "support/contains.hpp"
 
 #include <gsh/body/joint_error.hpp>
 #include <gsh/io/capture/camera_file.hpp>
@@ -38,8 +39,8 @@ TEST_CASE("a turn becomes a capture in an upright world, with a report; gsh-chec
     FilmedTurn& turn = filmed();
     const auto outcome = run(turn.fit({"--height", "1.7", "--test-every", "5", "--to", turn.folder / "turn.bvh"}));
     check_done(outcome);
-    CHECK(outcome.out.find("nobody was found in frames 5") != std::string::npos);
-    CHECK(outcome.out.find("next: gsh-check ") != std::string::npos);
+    CHECK(outcome.out == test::contains("nobody was found in frames 5"));
+    CHECK(outcome.out == test::contains("next: gsh-check "));
     const Motion found = load_motion(turn.detections / "poses.npz", turn.body);
     REQUIRE(found.frame_count() == 12);
     CHECK(joint_errors(turn.body, found, turn.motion, RootAlignment::rotation).mean_mm < 25);
@@ -63,7 +64,7 @@ TEST_CASE("a turn becomes a capture in an upright world, with a report; gsh-chec
         run({"gsh-check", turn.detections.string(), "--body", turn.body_file.string(), "--out", turn.folder / "check"});
     CAPTURE(checked.out);
     CHECK(checked.code >= 0);
-    CHECK(checked.out.find("0.9") != std::string::npos); // masks and bodies overlap
+    CHECK(checked.out == test::contains("0.9")); // masks and bodies overlap
 
     // Once more: the result does not depend on what it wrote.
     const std::string before = read_file(turn.detections / "poses.npz");

@@ -3,6 +3,7 @@
 #include <doctest/doctest.h>
 
 #include "common/help.hpp"
+#include "support/contains.hpp"
 
 #include <gsh/core/error.hpp>
 #include <gsh/io/file/atomic_file.hpp>
@@ -36,7 +37,7 @@ TEST_CASE("each heading that a doubt names is in docs/README.md") {
     const std::string page = read_file(help_root / "docs/README.md");
     for (const Answer& answer : answers()) {
         CAPTURE(answer.heading);
-        CHECK(page.find("\n### " + std::string(answer.heading) + "\n") != std::string::npos);
+        CHECK(page == test::contains("\n### " + std::string(answer.heading) + "\n"));
         CHECK(!answer.doubts.empty());
     }
 }
@@ -56,7 +57,7 @@ TEST_CASE("the doubts with an answer are those that the check and the verdict ha
     for (const Answer& answer : answers())
         for (const std::string_view doubt : answer.doubts) {
             CAPTURE(doubt);
-            CHECK(sources.find("\"" + std::string(doubt) + "\"") != std::string::npos);
+            CHECK(sources == test::contains("\"" + std::string(doubt) + "\""));
             CHECK(answered.insert(doubt).second); // one heading each
         }
 }

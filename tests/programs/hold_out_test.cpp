@@ -2,6 +2,7 @@
 /// @file  A span of the motion that is left out of training and judged separately, as a user asks for it.
 #include "programs/process.hpp"
 #include "programs/small_capture.hpp"
+#include "support/contains.hpp"
 
 #include <gsh/io/motion/motion_file.hpp>
 
@@ -69,9 +70,8 @@ TEST_CASE("seen and new motion have figures of their own, printed, in the file a
     const fs::path out = folder / "out";
     const test::Outcome outcome = s.reconstruct(out, {"--hold-out-motion", "0.25"});
     check_done(outcome);
-    CHECK(outcome.out.find("6 training and 4 test images") != std::string::npos);
-    for (const char* words : {"| motion |", "| seen   |", "| new    |"})
-        CHECK(outcome.out.find(words) != std::string::npos);
+    CHECK(outcome.out == test::contains("6 training and 4 test images"));
+    for (const char* words : {"| motion |", "| seen   |", "| new    |"}) CHECK(outcome.out == test::contains(words));
 
     const auto metrics = json_of(out / "metrics.json");
     CHECK(metrics.at("held_out_frames") == std::vector<int>{3});
@@ -91,19 +91,20 @@ TEST_CASE("seen and new motion have figures of their own, printed, in the file a
     CHECK(count_of(metrics, "seen") == 3);
     CHECK(metrics.at("images")[3].at("name") == "test00_0003");
     CHECK(metrics.at("images")[3].at("motion") == "new");
-    CHECK(metrics.at("protocol").get<std::string>().find(
+    CHECK(metrics.at("protocol").get<std::string>() ==
+          test::contains(
               "Frames 3 of 4 are left out of training in every camera: new motion is judged on their 1 test images, "
-              "seen motion on 3 test images of frames in training.") != std::string::npos);
+              "seen motion on 3 test images of frames in training."));
     const std::string page = read_file(out / "report.html");
-    CHECK(page.find("Seen and new motion") != std::string::npos);
-    CHECK(page.find("<td>new</td>") != std::string::npos);
+    CHECK(page == test::contains("Seen and new motion"));
+    CHECK(page == test::contains("<td>new</td>"));
 
     const fs::path plain = folder / "plain";
     check_done(s.reconstruct(plain, {}));
     for (const char* key : {"seen_motion", "new_motion", "held_out_frames"})
         CHECK(!json_of(plain / "metrics.json").contains(key));
     CHECK(!json_of(plain / "metrics.json").at("images")[3].contains("motion"));
-    CHECK(read_file(plain / "report.html").find("new motion") == std::string::npos);
+    CHECK(read_file(plain / "report.html") != test::contains("new motion"));
     CHECK(!same_file(plain / "avatar.gsh", out / "avatar.gsh"));
 }
 
@@ -163,19 +164,19 @@ TEST_CASE("one camera judges new motion by its photographs of the span, seen mot
     CHECK(metrics.at("images")[0].at("motion") == "seen");
     CHECK(metrics.at("images")[1].at("name") == "cam00_0003");
     CHECK(metrics.at("images")[1].at("motion") == "new");
-    CHECK(metrics.at("protocol").get<std::string>().find("seen motion on 1 test images between frames in training") !=
-          std::string::npos);
+    CHECK(metrics.at("protocol").get<std::string>() ==
+          test::contains("seen motion on 1 test images between frames in training"));
 
     // Frame 1 is in the span: nothing is left that shows seen motion.
     const test::Outcome outcome = s.reconstruct(out, {"--hold-out-motion", "1:3"}, s.single);
     check_done(outcome);
-    CHECK(outcome.out.find("| seen   | none") != std::string::npos);
+    CHECK(outcome.out == test::contains("| seen   | none"));
     metrics = json_of(out / "metrics.json");
     CHECK(metrics.at("seen_motion").at("images") == 0);
     CHECK(metrics.at("seen_motion").at("psnr").is_null());
     CHECK(metrics.at("seen_motion").at("psnr_regions").at("body").is_null());
     CHECK(metrics.at("new_motion").at("images") == 3);
-    CHECK(metrics.at("protocol").get<std::string>().find("seen motion on none") != std::string::npos);
+    CHECK(metrics.at("protocol").get<std::string>() == test::contains("seen motion on none"));
 }
 
 TEST_CASE("spans that are none are refused in a line") {
@@ -236,7 +237,7 @@ TEST_CASE("an evaluation has a table of seen and new motion, and belongs to one 
     const test::Outcome outcome = evaluate(configs, {"--hold-out-motion", "0.50"});
     check_done(outcome);
     for (const char* words : {"## Seen and new motion", "| paper         | 2 steps      | new    |"})
-        CHECK(outcome.out.find(words) != std::string::npos);
+        CHECK(outcome.out == test::contains(words));
     const auto tables = json_of(out / "tables.json");
     REQUIRE(tables.at("figures").size() == 4);
     for (const auto& row : tables.at("figures")) {
@@ -248,7 +249,7 @@ TEST_CASE("an evaluation has a table of seen and new motion, and belongs to one 
         const auto psnr = [](const auto& json) { return json.at("psnr").template get<double>(); };
         CHECK((psnr(row.at("seen_motion")) + psnr(row.at("new_motion"))) / 2 == doctest::Approx(psnr(row)));
     }
-    CHECK(read_file(out / "report.html").find("Seen and new motion") != std::string::npos);
+    CHECK(read_file(out / "report.html") == test::contains("Seen and new motion"));
 
     const test::Outcome again = evaluate(configs, {"--hold-out-motion", "0.5"}); // the same, read from the files
     check_done(again);

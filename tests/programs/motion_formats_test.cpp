@@ -4,6 +4,7 @@
 #include "io/bvh_files.hpp"
 #include "io/gltf_files.hpp"
 #include "programs/process.hpp"
+#include "support/contains.hpp"
 #include "support/retarget_check.hpp"
 #include "support/skeleton_body.hpp"
 
@@ -68,7 +69,7 @@ TEST_CASE("our motion to BVH and GLB and back, within 1e-4 rad") {
     for (const char* name : {"a.bvh", "a.glb"}) {
         const auto outcome = s.convert(s.motion_file, s.folder / name);
         check_converted(outcome);
-        CHECK(outcome.out.find("5 frames, 0.40 s, of 55 joints in ") != std::string::npos);
+        CHECK(outcome.out == test::contains("5 frames, 0.40 s, of 55 joints in "));
         check_converted(s.convert(s.folder / name, s.folder / "back.npz"));
         const Motion back = load_motion(s.folder / "back.npz", s.body);
         CHECK(largest_angle(s.motion, back) < 1e-4);
@@ -117,9 +118,9 @@ TEST_CASE("another program's BVH drives the body; warnings say what was guessed"
     write_file(s.folder / "walk.bvh", test::bvh_text(sample, "ZYX"));
     const auto outcome = s.convert(s.folder / "walk.bvh", s.folder / "walk.npz");
     check_converted(outcome);
-    CHECK(outcome.err.find("warning: ") != std::string::npos);
-    CHECK(outcome.err.find("taken as centimetres") != std::string::npos);
-    CHECK(outcome.err.find("no joint was found for jaw") != std::string::npos);
+    CHECK(outcome.err == test::contains("warning: "));
+    CHECK(outcome.err == test::contains("taken as centimetres"));
+    CHECK(outcome.err == test::contains("no joint was found for jaw"));
     const Motion motion = load_motion(s.folder / "walk.npz", s.body);
     sample = test::sample_rig(o);
     CHECK(test::compare(sample, "ZYX", o, motion, s.body, joint_names_of(s.body)).limbs < 1e-4);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "programs/process.hpp"
 #include "programs/small_capture.hpp"
+#include "support/contains.hpp"
 
 #include <gsh/body/moved_motion.hpp>
 #include <gsh/core/span.hpp>
@@ -230,7 +231,7 @@ TEST_CASE("a reconstruction takes a folder of JSON for poses, and comes to the s
     const fs::path out = folder / "out";
     check_done(run(studio().reconstruct(out, {"--steps", "1", "--poses", (folder / "lhm").string()})));
     CHECK(same_file(out / "avatar.gsh", s.avatar));
-    CHECK(test::json_of(out / "metrics.json").at("protocol").get<std::string>().find("lhm") != std::string::npos);
+    CHECK(test::json_of(out / "metrics.json").at("protocol").get<std::string>() == test::contains("lhm"));
 
     check_done(run({"gsh-check", studio().path.string(), "--body", studio().body_file.string(), "--poses",
                     (folder / "lhm").string(), "--frames", "1", "--out", (folder / "check").string()}));
@@ -238,7 +239,7 @@ TEST_CASE("a reconstruction takes a folder of JSON for poses, and comes to the s
         run({"gsh-render", s.avatar.string(), "--poses", (folder / "lhm").string(), "--frame", "1", "--camera",
              studio().camera.string(), "--out", (folder / "render.png").string()});
     CHECK(rendered.code == 0);
-    CHECK(rendered.err.find("states no frame rate, 30 frames per second are taken") != std::string::npos);
+    CHECK(rendered.err == test::contains("states no frame rate, 30 frames per second are taken"));
 
     fs::create_directories(folder / "empty");
     check_refused(run(studio().reconstruct(folder / "no", {"--poses", (folder / "empty").string()})), "gsh-reconstruct",

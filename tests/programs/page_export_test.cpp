@@ -4,6 +4,7 @@
 #include "programs/page_driver.hpp"
 #include "programs/process.hpp"
 #include "programs/view_scenes.hpp"
+#include "support/contains.hpp"
 #include "support/skip.hpp"
 
 #include "common/base64.hpp"
@@ -203,7 +204,7 @@ TEST_CASE("gsh-export writes a page that draws what gsh-animate renders, without
     if (!measured) words.insert(words.end(), {"--poses", files.reach.string()});
     const test::Outcome outcome = run(words);
     check_done(outcome);
-    CHECK(outcome.out.find(" Gaussians, ") != std::string::npos);
+    CHECK(outcome.out == test::contains(" Gaussians, "));
     if (measured) MESSAGE(outcome.out);
 
     const ViewScene scene = test::view_scene({avatar}, {motion});
@@ -301,11 +302,10 @@ TEST_CASE("gsh-export makes pages of scenes and of parts, and refuses what a pag
         check_done(outcome);
         return outcome.out;
     };
-    CHECK(make(files.cloud, "cloud.html", {}).find(" Gaussians, ") != std::string::npos);
-    CHECK(make(files.actor, "few.html", {"--largest", "100", "--sh", "0"}).find("100 Gaussians, ") !=
-          std::string::npos);
+    CHECK(make(files.cloud, "cloud.html", {}) == test::contains(" Gaussians, "));
+    CHECK(make(files.actor, "few.html", {"--largest", "100", "--sh", "0"}) == test::contains("100 Gaussians, "));
     CHECK(fs::file_size(folder / "few.html") < fs::file_size(folder / "cloud.html") * 8);
-    CHECK(read_file(folder / "few.html").find("data-carried=\"motion-0-3\"") != std::string::npos); // built in
+    CHECK(read_file(folder / "few.html") == test::contains("data-carried=\"motion-0-3\"")); // built in
     make(files.actor, "one.html", {"--poses", files.stride.string(), "--frame", "2"});
     make(files.actor, "part.html", {"--poses", files.stride.string(), "--frames", "0:2:2"});
     const std::string one = read_file(folder / "one.html"), part = read_file(folder / "part.html");

@@ -8,6 +8,7 @@
 #include "io/gala_files.hpp"
 #include "programs/process.hpp"
 #include "programs/small_capture.hpp"
+#include "support/contains.hpp"
 #include "support/crossing_actors.hpp"
 
 #include <gsh/backend/threads.hpp>
@@ -113,7 +114,7 @@ double person_psnr(const fs::path& results, const std::map<std::string, std::vec
 TEST_CASE("two people are reconstructed together, and each has files and figures of their own") {
     const TwoPeople& s = two_people();
     check_done(s.outcome);
-    CHECK(s.outcome.out.find("2 people, 1000 Gaussians, 4 training and 2 test images") != std::string::npos);
+    CHECK(s.outcome.out == test::contains("2 people, 1000 Gaussians, 4 training and 2 test images"));
     for (const char* file : {"avatar-ann.gsh", "avatar-ann.ply", "avatar-bob.gsh", "avatar-bob.ply", "metrics.json",
                              "report.html", "checkpoint.gsh", "test/test00_0000.png", "test/test00_0001.png"})
         CHECK(fs::exists(s.out / file));
@@ -124,7 +125,7 @@ TEST_CASE("two people are reconstructed together, and each has files and figures
     const auto metrics = json_of(s.out / "metrics.json");
     CHECK(metrics.at("gaussians") == 1000);
     CHECK(metrics.at("psnr") > 8.0);
-    CHECK(metrics.at("protocol").get<std::string>().find("poses of ann.npz, bob.npz") != std::string::npos);
+    CHECK(metrics.at("protocol").get<std::string>() == test::contains("poses of ann.npz, bob.npz"));
     REQUIRE(metrics.at("people").size() == 2);
     const char* names[] = {"ann", "bob"};
     for (std::size_t p = 0; p < 2; ++p) {
@@ -137,8 +138,8 @@ TEST_CASE("two people are reconstructed together, and each has files and figures
         CHECK(metrics.at("images")[0].at("people")[p].at("psnr_person").is_number());
     }
     const std::string page = read_file(s.out / "report.html");
-    CHECK(page.find("Each person") != std::string::npos);
-    CHECK(page.find("<td>bob</td>") != std::string::npos);
+    CHECK(page == test::contains("Each person"));
+    CHECK(page == test::contains("<td>bob</td>"));
 }
 
 TEST_CASE("pose files may be repeated or listed, on any number of threads") {
@@ -246,15 +247,14 @@ TEST_CASE("avatars are shown together, in whatever order") {
         run({"gsh-animate", ann, bob, "--poses", dance, "--poses", (folder / "long.npz").string(), "--size", "48",
              "--out", (folder / "frames").string()});
     CHECK(shorter.code == 0);
-    CHECK(shorter.err.find("warning: " + (folder / "long.npz").string() + ": only the first 2 of 3") !=
-          std::string::npos);
+    CHECK(shorter.err == test::contains("warning: " + (folder / "long.npz").string() + ": only the first 2 of 3"));
     // Three times the rate: both are shown by time, at the higher one.
     save_motion(folder / "fast.npz", actor_motion(ActorMotion::talk, 7, 30));
     const test::Outcome by_time =
         run({"gsh-animate", ann, bob, "--poses", dance, "--poses", (folder / "fast.npz").string(), "--size", "48",
              "--out", (folder / "by_time").string()});
     CHECK(by_time.code == 0);
-    CHECK(by_time.err.find("at 30 frames per second") != std::string::npos);
+    CHECK(by_time.err == test::contains("at 30 frames per second"));
     CHECK(test::files_below(folder / "by_time") == 4); // a tenth of a second, with both ends
     check_refused(run({"gsh-animate", ann, bob, "--poses", dance, "--out", (folder / "none").string()}), "gsh-animate",
                   {"--poses", "1 motions for 2 avatars"});
@@ -280,9 +280,10 @@ TEST_CASE_FIXTURE(test::Gala, "GalaBasketball's people are all reconstructed, wi
     const test::Outcome outcome = reconstruct(out, {"--steps", "2"});
     INFO(outcome.err);
     CHECK(outcome.code == 0);
-    CHECK(outcome.err.find("no triangles, so each person gets one Gaussian per vertex") != std::string::npos);
-    CHECK(outcome.err.find("warning: " + scene.string() + ": its body has no triangles for light to fall on, so the "
-                           "configuration is paper instead of light\n") != std::string::npos);
+    CHECK(outcome.err == test::contains("no triangles, so each person gets one Gaussian per vertex"));
+    CHECK(outcome.err == test::contains("warning: " + scene.string() +
+                                        ": its body has no triangles for light to fall on, so the "
+                                        "configuration is paper instead of light\n"));
     for (const char* name : {"person-0", "person-1"}) {
         CHECK(load_avatar(out / (std::string("avatar-") + name + ".gsh")).gaussians.size() == V);
         CHECK(fs::exists(out / (std::string("avatar-") + name + ".ply")));
@@ -298,7 +299,7 @@ TEST_CASE_FIXTURE(test::Gala, "GalaBasketball's people are all reconstructed, wi
     CHECK(reconstruct(out, {"--steps", "3", "--resume"}).code == 0);
     const test::Outcome named = reconstruct(out, {"--config", "paper", "--steps", "4", "--resume"});
     CHECK(named.code == 0);
-    CHECK(named.err.find("instead of light") == std::string::npos);
+    CHECK(named.err != test::contains("instead of light"));
     CHECK(json_of(out / "metrics.json").at("steps") == 4);
 
     // Light that was asked for is refused with the way out.
@@ -331,7 +332,7 @@ TEST_CASE_FIXTURE(test::Gala, "GalaBasketball's people are reconstructed like al
     const test::Outcome outcome = run(with_poses);
     INFO(outcome.err);
     CHECK(outcome.code == 0);
-    CHECK(outcome.err.find("no triangles") == std::string::npos); // regions, priors and light are therefore used
+    CHECK(outcome.err != test::contains("no triangles")); // regions, priors and light are therefore used
     for (const char* name : {"ann", "bob"})
         CHECK(load_avatar(out / (std::string("avatar-") + name + ".gsh")).gaussians.size() == 500);
     const auto metrics = json_of(out / "metrics.json");
@@ -396,7 +397,7 @@ TEST_CASE("configurations are compared on two people") {
     }
     CHECK(figures[0].at("psnr_person") != figures[1].at("psnr_person"));
     const std::string page = read_file(folder / "out" / fs::path("tables.md"));
-    CHECK(page.find("## Each person") != std::string::npos);
+    CHECK(page == test::contains("## Each person"));
 }
 
 TEST_CASE("each of two people who pass each other is as good as alone") {

@@ -2,6 +2,7 @@
 /// @file  Maps of an estimator as input of gsh-reconstruct and gsh-evaluate.
 #include "programs/process.hpp"
 #include "programs/small_capture.hpp"
+#include "support/contains.hpp"
 
 #include <gsh/backend/serial.hpp>
 #include <gsh/body/posed_body.hpp>
@@ -82,8 +83,8 @@ TEST_CASE("an estimator's maps change the avatar, and a checkpoint is theirs") {
     const auto protocol = [](const fs::path& out) {
         return test::json_of(out / "metrics.json").at("protocol").get<std::string>();
     };
-    CHECK(protocol(normals).find("geometric priors of estimates.json") != std::string::npos);
-    CHECK(protocol(plain).find("priors") == std::string::npos);
+    CHECK(protocol(normals) == test::contains("geometric priors of estimates.json"));
+    CHECK(protocol(plain) != test::contains("priors"));
     CHECK(!test::same_file(plain / "avatar.gsh", normals / "avatar.gsh"));
 
     // Training resumes only with the same maps.
@@ -123,18 +124,18 @@ TEST_CASE("rows with an estimator's maps stand beside those without") {
     const test::Outcome second = evaluate("paper, baseline", with);
     check_done(second);
     // The baseline has no priors in either case.
-    CHECK(second.out.find("baseline: is finished already") != std::string::npos);
-    CHECK(second.out.find("paper, priors of estimates, 2 steps") != std::string::npos);
+    CHECK(second.out == test::contains("baseline: is finished already"));
+    CHECK(second.out == test::contains("paper, priors of estimates, 2 steps"));
     const Json figures = Json::parse(read_file(out / "tables.json")).at("figures");
     REQUIRE(figures.size() == 3);
     CHECK(figures[2].at("name") == "paper, priors of estimates");
     CHECK(figures[2].at("psnr") != figures[0].at("psnr"));
-    CHECK(figures[2].at("protocol").get<std::string>().find("geometric priors of estimates.json") != std::string::npos);
+    CHECK(figures[2].at("protocol").get<std::string>() == test::contains("geometric priors of estimates.json"));
     // With other maps, the row is computed again.
     estimates.write(R"({"integrate": true})");
     const test::Outcome third = evaluate("paper", with);
     check_done(third);
-    CHECK(third.out.find("was judged with other settings") != std::string::npos);
+    CHECK(third.out == test::contains("was judged with other settings"));
 }
 
 TEST_CASE("maps that cannot be meant are refused before training") {

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "io/temporary.hpp"
+#include "support/contains.hpp"
 
 #include <doctest/doctest.h>
 
@@ -127,7 +128,7 @@ private:
 inline void check_done(const Outcome& outcome) {
     INFO(outcome.err);
     CHECK(outcome.code == 0);
-    CHECK(outcome.err.find("warning") == std::string::npos);
+    CHECK(outcome.err != gsh::test::contains("warning"));
 }
 
 /// Checks that the program exited with 2 and printed one line that begins with its name and contains all words.
@@ -140,7 +141,7 @@ inline void check_refused(const Outcome& outcome, const std::string& program,
     CHECK(std::count(outcome.err.begin(), outcome.err.end(), '\n') == 1);
     for (const std::string_view word : words) {
         INFO("looking for '" << std::string(word) << "'");
-        CHECK(outcome.err.find(word) != std::string::npos);
+        CHECK(outcome.err == gsh::test::contains(word));
     }
 }
 

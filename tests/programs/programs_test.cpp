@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "programs/process.hpp"
 #include "programs/small_capture.hpp"
+#include "support/contains.hpp"
 
 #include <gsh/core/rng.hpp>
 #include <gsh/cpu.hpp>
@@ -58,7 +59,7 @@ struct OutFolder {
 TEST_CASE("a reconstruction leaves all that was promised") {
     const Reconstructed& s = reconstructed();
     check_done(s.reconstruction);
-    CHECK(s.reconstruction.out.find("1500 Gaussians, 4 training and 2 test images, 1 threads") != std::string::npos);
+    CHECK(s.reconstruction.out == test::contains("1500 Gaussians, 4 training and 2 test images, 1 threads"));
 
     const auto metrics = json_of(s.out / "metrics.json");
     for (const char* key : {"psnr", "ssim", "psnr_person", "steps", "seconds", "gaussians", "peak_memory_bytes"})
@@ -98,20 +99,20 @@ TEST_CASE("a reconstruction leaves all that was promised") {
         CHECK(comparison.height == 64);
     }
     const std::string page = read_file(s.out / "report.html");
-    CHECK(page.find("http") == std::string::npos);
+    CHECK(page != test::contains("http"));
     // A verdict and pictures come before figures; then what to do next.
     CHECK(page.find("class=\"verdict\"") < page.find("class=\"wiper\""));
     CHECK(page.find("class=\"wiper\"") < page.find("The avatar from all around"));
     CHECK(page.find("gsh-view " + (s.out / "avatar.gsh").string() + " --open") < page.find("<h2>Figures</h2>"));
-    CHECK(metrics.at("verdict").get<std::string>().find(": ") != std::string::npos);
+    CHECK(metrics.at("verdict").get<std::string>() == test::contains(": "));
     REQUIRE(!metrics.at("advice").empty()); // what so short a training lacks
     CHECK(metrics.at("advice")[0].at("help").get<std::string>().starts_with("docs/README.md#"));
-    CHECK(page.find("Read docs/README.md, &quot;") != std::string::npos);
-    CHECK(page.find("src=\"data:image/png;base64,") != std::string::npos);
-    CHECK(page.find("<th>Backend</th><td>threads</td>") != std::string::npos);
-    CHECK(page.find("over steps</figcaption></figure>") != std::string::npos); // a single sample gives no curve
-    CHECK(page.find("over photographs</figcaption><svg") != std::string::npos); // exposure
-    CHECK(page.find("<th>Photographs</th><td>exposure from ") != std::string::npos);
+    CHECK(page == test::contains("Read docs/README.md, &quot;"));
+    CHECK(page == test::contains("src=\"data:image/png;base64,"));
+    CHECK(page == test::contains("<th>Backend</th><td>threads</td>"));
+    CHECK(page == test::contains("over steps</figcaption></figure>"));  // a single sample gives no curve
+    CHECK(page == test::contains("over photographs</figcaption><svg")); // exposure
+    CHECK(page == test::contains("<th>Photographs</th><td>exposure from "));
     CHECK(page.ends_with("</html>\n"));
     CHECK(fs::exists(s.out / "checkpoint.gsh"));
     CHECK(test::files_below(s.out) == 7);
@@ -140,7 +141,7 @@ TEST_CASE("without a file of anybody's, the built-in actor is filmed, reconstruc
     CHECK(metrics.at("held_out_frames") == std::vector<int>{9, 10, 11});
     CHECK(metrics.at("seen_motion").at("images") == 9);
     CHECK(metrics.at("new_motion").at("images") == 3);
-    CHECK(metrics.at("protocol").get<std::string>().find("the built-in actor") != std::string::npos);
+    CHECK(metrics.at("protocol").get<std::string>() == test::contains("the built-in actor"));
     CHECK(load_avatar(out.path / "avatar.gsh").gaussians.size() == 6000);
 }
 
@@ -172,7 +173,7 @@ TEST_CASE("a signal in the middle loses nothing that a checkpoint keeps") {
         process.send(signal);
         const test::Outcome outcome = process.wait();
         CHECK(outcome.code == 130);
-        CHECK(outcome.err.find("--resume continues from there") != std::string::npos);
+        CHECK(outcome.err == test::contains("--resume continues from there"));
         CHECK(out.has("checkpoint.gsh"));
         CHECK(test::files_below(out.path) == 1);
     };
@@ -277,12 +278,12 @@ TEST_CASE("a training that fails says which checkpoint is complete") {
     const test::Outcome kept = run(s.reconstruct(out.path, keeping)), lost = run(s.reconstruct(without.path, failing));
     for (const test::Outcome& outcome : {kept, lost}) {
         CHECK(outcome.code == 2);
-        CHECK(outcome.err.find("\ngsh-reconstruct: ") != std::string::npos); // after the line of progress
-        CHECK(outcome.err.find("not finite") != std::string::npos);
+        CHECK(outcome.err == test::contains("\ngsh-reconstruct: ")); // after the line of progress
+        CHECK(outcome.err == test::contains("not finite"));
     }
-    CHECK(kept.err.find("the checkpoint of step 1 is complete; the run can be resumed") != std::string::npos);
+    CHECK(kept.err == test::contains("the checkpoint of step 1 is complete; the run can be resumed"));
     CHECK(fs::exists(out.path / "checkpoint.gsh"));
-    CHECK(lost.err.find("checkpoint") == std::string::npos);
+    CHECK(lost.err != test::contains("checkpoint"));
 }
 
 TEST_CASE("a reconstruction keeps to time and memory") {
@@ -311,7 +312,7 @@ TEST_CASE("a reconstruction keeps to time and memory") {
         const test::Outcome fewer =
             run(s.reconstruct(small.path, {"--config", name, "--steps", "1", "--max-memory", budget(1000)}));
         CHECK(fewer.code == 0);
-        CHECK(fewer.err.find("warning: 1000 instead of 1500 Gaussians") != std::string::npos);
+        CHECK(fewer.err == test::contains("warning: 1000 instead of 1500 Gaussians"));
         CHECK(json_of(small.path / "metrics.json").at("gaussians") == 1000);
         check_refused(run(s.reconstruct(none.path, {"--config", name, "--steps", "1", "--max-memory", budget(100)})),
                       "gsh-reconstruct", {"--max-memory", "too little"});
@@ -329,10 +330,10 @@ TEST_CASE("without test views there is an avatar, and no figures") {
     save_capture(path, capture);
     const test::Outcome outcome = run(s.reconstruct(out.path, {"--steps", "1"}, path));
     check_done(outcome);
-    CHECK(outcome.out.find("PSNR none dB") != std::string::npos);
+    CHECK(outcome.out == test::contains("PSNR none dB"));
     CHECK(json_of(out.path / "metrics.json").at("psnr").is_null());
     CHECK(json_of(out.path / "metrics.json").at("images").empty());
-    CHECK(read_file(out.path / "report.html").find("a &lt;b&gt; &amp; \xC3\xBC") != std::string::npos);
+    CHECK(read_file(out.path / "report.html") == test::contains("a &lt;b&gt; &amp; \xC3\xBC"));
     CHECK(out.has("avatar.gsh"));
 }
 
@@ -362,7 +363,7 @@ TEST_CASE("what is probably wrong is said, and done all the same") {
     CHECK(outcome.code == 0);
     for (const char* words : {"warning: ", "mean hand was added twice", "camera 'cam01' is far off the body",
                               "camera 'cam00' has a mask that is probably inverted"})
-        CHECK(outcome.err.find(words) != std::string::npos);
+        CHECK(outcome.err == test::contains(words));
     CHECK(out.has("metrics.json"));
 }
 
@@ -414,7 +415,7 @@ TEST_CASE("pictures of an avatar and of its canonical Gaussians") {
                                     (folder / "away.json").string(), "--out", (folder / "c.png").string(),
                                     "--background", "1,1,1"});
     CHECK(away.code == 0);
-    CHECK(away.err.find("away.json: sees nothing") != std::string::npos);
+    CHECK(away.err == test::contains("away.json: sees nothing"));
     CHECK(read_image(folder / "c.png").pixel(0, 0)[0] == 255);
 }
 
@@ -427,7 +428,7 @@ TEST_CASE("frames of a new motion, through a camera that finds its place or that
         more.insert(more.end(), {"--out", (folder / name).string()});
         const test::Outcome outcome = run(more);
         check_done(outcome);
-        CHECK(outcome.out.find("3 of 3 frames") != std::string::npos);
+        CHECK(outcome.out == test::contains("3 of 3 frames"));
         CHECK(test::files_below(folder / name) == 3);
     };
     animate("framed", {"--size", "96"});
@@ -454,7 +455,7 @@ TEST_CASE("frames of a new motion, through a camera that finds its place or that
     again.insert(again.end(), {"--size", "64", "--out", (folder / "given").string()});
     const test::Outcome outcome = run(again);
     CHECK(outcome.code == 0);
-    CHECK(outcome.err.find("1 pictures of a longer motion") != std::string::npos);
+    CHECK(outcome.err == test::contains("1 pictures of a longer motion"));
     CHECK(fs::exists(folder / "given" / fs::path("0003.png")));
 }
 
@@ -463,6 +464,6 @@ TEST_CASE("each program lists its options") {
         const test::Outcome outcome = run({program, "--help"});
         CHECK(outcome.code == 0);
         CHECK(outcome.err.empty());
-        CHECK(outcome.out.find("--out") != std::string::npos);
+        CHECK(outcome.out == test::contains("--out"));
     }
 }

@@ -3,6 +3,7 @@
 #include <doctest/doctest.h>
 
 #include "common/progress.hpp"
+#include "support/contains.hpp"
 
 #include <pty.h>
 #include <unistd.h>
@@ -70,7 +71,7 @@ TEST_CASE("A job that reports nothing shows that it goes on, and a short one sho
         const Progress progress("reading walk.bvh");
         std::this_thread::sleep_for(std::chrono::milliseconds(1200));
     });
-    CHECK(shown.find("reading walk.bvh \u2026  1 s") != std::string::npos);
+    CHECK(shown == test::contains("reading walk.bvh \u2026  1 s"));
     CHECK(shown.ends_with("\r\n"));
     CHECK(shown_on_terminal([] { const Progress progress("reading walk.bvh"); }).empty());
 }
@@ -82,8 +83,8 @@ TEST_CASE("A job that has reported is drawn again while it reports nothing more"
         progress.show(0.5, "second"); // less than a tenth of a second later: not drawn yet
         std::this_thread::sleep_for(std::chrono::milliseconds(1200));
     });
-    CHECK(shown.find("25%  first") != std::string::npos);
-    CHECK(shown.find("50%  second") != std::string::npos);
+    CHECK(shown == test::contains("25%  first"));
+    CHECK(shown == test::contains("50%  second"));
 }
 
 TEST_CASE("progress_line never exceeds its width, and never cuts a character in two") {

@@ -3,6 +3,7 @@
 /// video, too. A shell script stands in for the detector: it copies what one found before.
 #include "programs/filmed_turn.hpp"
 #include "programs/process.hpp"
+#include "support/contains.hpp"
 
 #include <gsh/io/body/body_file.hpp>
 #include <gsh/io/file/atomic_file.hpp>
@@ -96,20 +97,20 @@ TEST_CASE("a video becomes an avatar in stages whose files are kept; the same co
         CHECK(fs::exists(film.out / file));
     }
     // The verdict names what is wrong with a turn of 8 images of 160 pixels, in which one shows nobody.
-    CHECK(first.out.find("nobody was found in 1 of 8 images") != std::string::npos);
-    CHECK(first.out.find("the turn was fast: it has only ") != std::string::npos);
-    CHECK(first.out.find("pixels high") != std::string::npos);
-    CHECK(first.out.find("docs/README.md, \"") != std::string::npos);
+    CHECK(first.out == test::contains("nobody was found in 1 of 8 images"));
+    CHECK(first.out == test::contains("the turn was fast: it has only "));
+    CHECK(first.out == test::contains("pixels high"));
+    CHECK(first.out == test::contains("docs/README.md, \""));
     const std::string page = read_file(film.out / "report.html");
     CHECK(in_order(page, {"the turn was fast", "pixels high", "nobody was found in 1 of 8 images"}));
-    CHECK(page.find("data:image/png;base64,") != std::string::npos);
+    CHECK(page == test::contains("data:image/png;base64,"));
 
     // Once more: nothing is trained again.
     const auto time = fs::last_write_time(film.out / "avatar/avatar.gsh");
     const auto again = run(film.make({"--steps", "2", "--begin", "0.5"}));
     CHECK(again.code == 0);
-    CHECK(again.out.find("== the avatar is complete") != std::string::npos);
-    CHECK(again.out.find("== reconstructing") == std::string::npos);
+    CHECK(again.out == test::contains("== the avatar is complete"));
+    CHECK(again.out != test::contains("== reconstructing"));
     CHECK(fs::last_write_time(film.out / "avatar/avatar.gsh") == time);
 
     // Another fit: the avatar is made anew. It suffices to see this begin.
@@ -118,7 +119,7 @@ TEST_CASE("a video becomes an avatar in stages whose files are kept; the same co
     taller.send(SIGTERM);
     CHECK(taller.wait().code == 130);
     CHECK(Json::parse(read_file(film.out / "capture/fit.json"))["height_m"].get<double>() > 1.8);
-    CHECK(read_file(film.out / "avatar.command").find("done") == std::string::npos);
+    CHECK(read_file(film.out / "avatar.command") != test::contains("done"));
     CHECK(!fs::exists(film.out / "avatar/checkpoint.gsh")); // from which the next run would resume
 }
 
@@ -157,9 +158,9 @@ TEST_CASE("a detector that can cuts the masks by the body, once for a fit, and t
     CHECK(shows_somebody("0006.png"));
     CHECK(!shows_somebody("0007.png")); // so the new masks are the ones that were mended
 
-    CHECK(up_to_training("1.7").find("== cutting the masks") == std::string::npos); // once more: they are there
+    CHECK(up_to_training("1.7") != test::contains("== cutting the masks")); // once more: they are there
     CHECK(film.call_count() == 3);
-    CHECK(up_to_training("1.9").find("== cutting the masks") != std::string::npos); // another fit
+    CHECK(up_to_training("1.9") == test::contains("== cutting the masks")); // another fit
     CHECK(film.call_count() == 5);
 }
 
@@ -214,13 +215,12 @@ TEST_CASE("without --body the one in the user's cache is taken; without one, two
         run({"gsh-fit", "--to", (film.turn.folder / "dance.npz").string(), "--to",
              (film.turn.folder / "dance.bvh").string(), film.video.string(), "--detector", film.detector.string()});
     check_done(fitted);
-    CHECK(read_file(film.calls)
-              .find("dance.detections " + film.video.string() + " --fps 30.000000 --frames 600 --size 960\n") !=
-          std::string::npos);
+    CHECK(read_file(film.calls) ==
+          test::contains("dance.detections " + film.video.string() + " --fps 30.000000 --frames 600 --size 960\n"));
     CHECK(load_motion(film.turn.folder / "dance.npz", film.turn.body).frame_count() == 8);
     CHECK(fs::exists(film.turn.folder / "dance.bvh"));
     CHECK(fs::exists(film.turn.folder / "dance.detections/poses.npz"));
-    CHECK(fitted.out.find("next: gsh-check ") != std::string::npos);
+    CHECK(fitted.out == test::contains("next: gsh-check "));
 }
 
 TEST_CASE("gsh-video refuses what it cannot do with one line") {

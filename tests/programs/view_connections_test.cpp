@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 /// Connections of gsh-view's server: what a client that has no key can hold up, and heads of requests.
+#include "support/contains.hpp"
 #include "view/view_connections.hpp"
 
 #include <doctest/doctest.h>
@@ -196,7 +197,7 @@ TEST_CASE("gsh-view: without the key no body is read, and the connection ends") 
         std::string answer;
         CHECK(seconds_of([&] { answer = client.receive("key: is missing\n"); }) < 2);
         CHECK(answer.starts_with("HTTP/1.1 403"));
-        CHECK(client.receive("got /b", 100ms).find("got /b") == std::string::npos);
+        CHECK(client.receive("got /b", 100ms) != test::contains("got /b"));
     }
     for (const std::string& path : {"/a?key=" + server_key, std::string("/a")}) {
         RawClient client(server.port(), "POST " + path + " HTTP/1.1\r\nHost: localhost\r\n\r\n");
@@ -207,7 +208,7 @@ TEST_CASE("gsh-view: without the key no body is read, and the connection ends") 
     }
     RawClient large(server.port(),
                     "POST /a?key=" + server_key + " HTTP/1.1\r\nHost: localhost\r\nContent-Length: 67108865\r\n\r\n");
-    CHECK(large.receive("read\n").find("64 MiB") != std::string::npos);
+    CHECK(large.receive("read\n") == test::contains("64 MiB"));
 }
 
 TEST_CASE("gsh-view: requests on one connection are answered in their order, each with its own body") {
@@ -229,8 +230,8 @@ TEST_CASE("gsh-view: requests on one connection are answered in their order, eac
     const std::string hidden = get("/hidden");
     RawClient other(server.port(),
                     get("/f", true, "Content-Length: " + std::to_string(hidden.size()) + "\r\n") + hidden);
-    CHECK(other.receive("got /hidden", 500ms).find("hidden") == std::string::npos);
-    CHECK(other.receive("got /f\n").find("got /f\n") != std::string::npos);
+    CHECK(other.receive("got /hidden", 500ms) != test::contains("hidden"));
+    CHECK(other.receive("got /f\n") == test::contains("got /f\n"));
 }
 
 TEST_CASE("gsh-view: many ranges are ignored") {

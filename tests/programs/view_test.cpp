@@ -5,6 +5,7 @@
 #include "programs/view_scenes.hpp"
 
 #include "common/base64.hpp"
+#include "support/contains.hpp"
 #include "view/ellipsoids.hpp"
 #include "view/jpeg.hpp"
 #include "view/motion_occlusion.hpp"
@@ -219,16 +220,16 @@ TEST_CASE("gsh-view: a page refers to nothing outside itself") {
     const std::string page = make_page({{"scene", "{}"}, {"motion-0-0", std::string("\0\xFF", 2)}}, "const more = 1;");
     for (const char* word :
          {"<script src", "<link rel=\"stylesheet\"", "https://", "http://", "@import", "<!-- data -->"})
-        CHECK(page.find(word) == std::string::npos);
-    CHECK(page.find("data-carried=\"scene\">e30=</script>") != std::string::npos);
-    CHECK(page.find("data-carried=\"motion-0-0\">AP8=</script>") != std::string::npos);
-    CHECK(page.find("const more = 1;") != std::string::npos);
+        CHECK(page != test::contains(word));
+    CHECK(page == test::contains("data-carried=\"scene\">e30=</script>"));
+    CHECK(page == test::contains("data-carried=\"motion-0-0\">AP8=</script>"));
+    CHECK(page == test::contains("const more = 1;"));
     for (const auto& [name, content] : web_files()) { // the end of a script would end it inside the page
         INFO(name);
         CHECK(content.size() > 0);
         if (name.ends_with(".js")) {
-            CHECK(content.find("</script") == std::string_view::npos);
-            CHECK(page.find("data-module=\"" + std::string(name) + "\"") != std::string::npos);
+            CHECK(content != test::contains("</script"));
+            CHECK(page == test::contains("data-module=\"" + std::string(name) + "\""));
         }
     }
     CHECK(base64("Man") == "TWFu");

@@ -2,6 +2,7 @@
 /// What a training starts from: photographs, Gaussians within a limit of memory, the text of a run; input that is
 /// refused.
 #include "reconstruct/small_people.hpp"
+#include "support/contains.hpp"
 
 #include <gsh/core/error.hpp>
 #include <gsh/cpu.hpp>
@@ -93,7 +94,7 @@ TEST_CASE("the text of a run names what a checkpoint depends on, and nothing els
     CHECK(run_text(input, recipe) == plain + "refine, cameras too\nnot registered\nfine registration 2\nkeypoints k\n"
                                              "regions r\npriors p\nheld-out frames 1-3, 7\n");
     recipe.configuration.depth_prior = recipe.configuration.normal_prior = false; // then priors are not read
-    CHECK(run_text(input, recipe).find("priors p") == std::string::npos);
+    CHECK(run_text(input, recipe) != test::contains("priors p"));
 }
 
 TEST_CASE("input whose parts do not belong together is refused") {

@@ -12,6 +12,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <deque>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -41,14 +42,16 @@ struct Cast {
 
     Cast(const SmallScene& scene, std::vector<Motion> poses, std::vector<Photo> photos, B where = B(),
          const AvatarConfig& avatar = {.rates = small_rates}, const TrainConfig& config = small_training,
-         double density = 12)
-        : Cast(scene, std::move(poses), std::move(photos), [&]() -> B { return std::move(where); }, avatar, config,
-               density) {}
+         double density = 12, const std::optional<LightData>& light = {})
+        : Cast(
+              scene, std::move(poses), std::move(photos), [&]() -> B { return std::move(where); }, avatar, config,
+              density, light) {}
     /// On a backend that make() returns, which need not be movable.
     template <std::invocable Make>
     Cast(const SmallScene& scene, std::vector<Motion> poses, std::vector<Photo> photos, const Make& make,
-         const AvatarConfig& avatar, const TrainConfig& config = small_training, double density = 12)
-        : backend(make()), motions(std::move(poses)), people(backend, members(scene, avatar, density)),
+         const AvatarConfig& avatar, const TrainConfig& config = small_training, double density = 12,
+         const std::optional<LightData>& light = {})
+        : backend(make()), motions(std::move(poses)), people(backend, members(scene, avatar, density, light)),
           trainer(backend, people, std::move(photos), seed, config) {}
     Cast(const Cast&) = delete;
 
@@ -63,14 +66,16 @@ struct Cast {
     }
 
 private:
-    std::vector<CastMember<Model>> members(const SmallScene& scene, const AvatarConfig& avatar, double density) {
+    std::vector<CastMember<Model>> members(const SmallScene& scene, const AvatarConfig& avatar, double density,
+                                           const std::optional<LightData>& light) {
+        const ModelLight<B, T> shared = lit_by<T>(backend, light);
         std::vector<CastMember<Model>> cast;
         for (std::size_t p = 0; p < motions.size(); ++p) {
             samples.push_back(sample_surface(scene.body, shaped_vertices(scene.body, scene.betas),
                                              std::vector<double>(scene.body.vertex_count(), density), seed));
             rigs.push_back(make_rig(scene.body, scene.betas, samples.back()));
-            models.push_back(
-                small_avatar<B, T>(backend, rigs.back(), samples.back(), motions[p].frame_count(), seed, avatar));
+            models.push_back(small_avatar<B, T>(backend, rigs.back(), samples.back(), motions[p].frame_count(), seed,
+                                                avatar, {}, {shared.light, p == 0}));
             cast.push_back({&models.back(), &motions[p]});
         }
         return cast;

@@ -117,9 +117,9 @@ Outcome train_paper_network(const SmallScene& scene, Precision precision, int st
 
 template <class B>
 Outcome train_lit(const SmallScene& scene, int steps = 5) {
-    SmallTraining<B> training(scene, [] { return B(); }, 3, {.ao = AmbientOcclusion::pose});
-    const LightData start = even_light(2, 3, {0, 0.8, 0}, 3);
-    training.model.set_light(training.rig, std::make_shared<LearnedLight<B>>(training.backend, start));
+    SmallTraining<B> training(
+        scene, [] { return B(); }, 3, {.ao = AmbientOcclusion::pose}, small_training, {},
+        even_light(2, 3, {0, 0.8, 0}, 3));
     MotionRefinement<B> refinement(training.backend, training.rig, scene.motion, {}, test_time_config());
     training.people.refine(refinement);
     Outcome outcome;

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <gsh/camera/pinhole.hpp>
+#include <gsh/light/light.hpp>
 #include <gsh/pipeline/configured_avatar.hpp>
 #include <gsh/train/avatar_export.hpp>
 #include <gsh/train/avatar_scene.hpp>
@@ -14,6 +15,8 @@
 #include <concepts>
 #include <cstddef>
 #include <cstdint>
+#include <memory>
+#include <optional>
 #include <string_view>
 #include <utility>
 #include <vector>
@@ -69,8 +72,16 @@ using SmallAvatar = ConfiguredAvatar<B, T, 1>;
 template <class B, class T = float>
 [[nodiscard]] SmallAvatar<B, T> small_avatar(B& backend, const RigData& rig, const SurfaceSamples& samples,
                                              std::size_t frame_count, std::uint64_t seed, const AvatarConfig& config,
-                                             const SmallNetwork& network = {}) {
-    return make_avatar<B, T, 4, 2, 1>(backend, rig, samples, frame_count, seed, small(config, network));
+                                             const SmallNetwork& network = {}, ModelLight<B, T> light = {}) {
+    return make_avatar<B, T, 4, 2, 1>(backend, rig, samples, frame_count, seed, small(config, network), {},
+                                      std::move(light));
+}
+
+/// A model's own light, or none.
+template <class T = float, class B>
+[[nodiscard]] ModelLight<B, T> lit_by(B& backend, const std::optional<LightData>& light) {
+    if (!light) return {};
+    return {std::make_shared<LearnedLight<B, T>>(backend, *light)};
 }
 
 /// A model, a scene and a trainer on the small scene's photographs.
@@ -90,17 +101,19 @@ struct SmallTraining {
 
     explicit SmallTraining(const SmallScene& small_scene, B where = B(), std::uint64_t seed = 3,
                            const AvatarConfig& avatar = {.rates = small_rates},
-                           const TrainConfig& config = small_training)
-        : SmallTraining(small_scene, [&]() -> B { return std::move(where); }, seed, avatar, config) {}
+                           const TrainConfig& config = small_training, const std::optional<LightData>& light = {})
+        : SmallTraining(small_scene, [&]() -> B { return std::move(where); }, seed, avatar, config, {}, light) {}
     /// On a backend that make() returns, which need not be movable.
     template <std::invocable Make>
     SmallTraining(const SmallScene& small_scene, const Make& make, std::uint64_t seed, const AvatarConfig& avatar,
-                  const TrainConfig& config = small_training, const SmallNetwork& network = {})
+                  const TrainConfig& config = small_training, const SmallNetwork& network = {},
+                  const std::optional<LightData>& light = {})
         : scene(&small_scene), backend(make()),
           samples(sample_surface(scene->body, shaped_vertices(scene->body, scene->betas),
                                  std::vector<double>(scene->body.vertex_count(), 12.0), seed)),
           rig(make_rig(scene->body, scene->betas, samples)),
-          model(small_avatar(backend, rig, samples, scene->motion.frame_count(), seed, avatar, network)),
+          model(small_avatar(backend, rig, samples, scene->motion.frame_count(), seed, avatar, network,
+                             lit_by(backend, light))),
           people(backend, model, scene->motion), trainer(backend, people, scene->photos, seed, config) {}
     SmallTraining(const SmallTraining&) = delete;
 

@@ -146,11 +146,14 @@ TEST_CASE("an exported avatar has the learned joints, the model's way of posing 
 
 TEST_CASE("a lit avatar is exported with its light, and with the mean irradiance of the photographed frames") {
     const SmallScene scene;
-    SmallTraining<cpu::Serial> training(scene);
-    CHECK(mean_irradiance(training.people, {0, 1}).empty());
-    CHECK(!training.exported().light);
+    SmallTraining<cpu::Serial> unlit(scene);
+    CHECK(mean_irradiance(unlit.people, {0, 1}).empty());
+    CHECK(!unlit.exported().light);
+    CHECK_THROWS_WITH_AS((void)unlit.model.shading(), doctest::Contains("the avatar was made without a light"),
+                         ValueError);
     const LightData start = even_light(2, 3, {0, 0.8, 0}, 3);
-    training.model.set_light(training.rig, std::make_shared<LearnedLight<cpu::Serial>>(training.backend, start));
+    SmallTraining<cpu::Serial> training(scene, cpu::Serial(), 3, {.rates = test::small_rates}, test::small_training,
+                                        start);
     training.steps(3);
     const auto of = [&](std::vector<std::size_t> frames) { return mean_irradiance(training.people, frames); };
     const auto first = of({0}), second = of({1}), mean = of({0, 1});

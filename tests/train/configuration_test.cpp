@@ -3,6 +3,7 @@
 #include <gsh/train/configuration.hpp>
 
 #include "io/temporary.hpp"
+#include "support/contains.hpp"
 
 #include <doctest/doctest.h>
 
@@ -91,8 +92,8 @@ TEST_CASE("the default is one of the named configurations, and the pages name it
     CHECK(named_configuration(default_configuration).name == default_configuration);
     const std::filesystem::path docs = std::filesystem::path(GSH_SOURCE_DIR) / "docs";
     const std::string name = std::string("`").append(default_configuration).append("`");
-    CHECK(read_file(docs / "configurations.md").find("\n| " + name + " | the default: ") != std::string::npos);
-    CHECK(read_file(docs / "programs.md").find(name + " (the default)") != std::string::npos);
+    CHECK(read_file(docs / "configurations.md") == test::contains("\n| " + name + " | the default: "));
+    CHECK(read_file(docs / "programs.md") == test::contains(name + " (the default)"));
 }
 
 TEST_CASE("an ablation differs from the paper's in its own part alone") {
@@ -131,13 +132,13 @@ TEST_CASE("docs/configurations.md lists every configuration, and every setting w
     const std::string page = read_file(std::filesystem::path(GSH_SOURCE_DIR) / "docs" / "configurations.md");
     for (const std::string_view name : configuration_names) {
         CAPTURE(name);
-        CHECK(page.find(std::string("`").append(name).append("`")) != std::string::npos);
+        CHECK(page == test::contains(std::string("`").append(name).append("`")));
     }
     const auto settings = settings_of(named_configuration("paper"));
     for (const auto& [key, text] : settings) {
         const std::string row = std::string("\n| `").append(key).append("` | ").append(text).append(" | ");
         CAPTURE(row);
-        CHECK(page.find(row) != std::string::npos);
+        CHECK(page == test::contains(row));
     }
     const auto rows = [](std::string_view table) { // and no other settings
         std::size_t count = 0;

@@ -10,6 +10,7 @@
 #include <gsh/train/trainer.hpp>
 
 #include "io/temporary.hpp"
+#include "support/contains.hpp"
 #include "support/gradient.hpp"
 #include "support/learned.hpp"
 #include "support/small_cast.hpp"
@@ -115,7 +116,7 @@ TEST_CASE("an error about a Gaussian of several people names the person, in step
         FAIL("a NaN was accepted");
     } catch (const GaussianError& error) {
         CHECK(error.gaussian() == 5);
-        CHECK(std::string(error.what()).find("person") == std::string::npos);
+        CHECK(std::string(error.what()) != test::contains("person"));
         CHECK(std::string(error.what()).ends_with("; is a learning rate too high?")); // where something learns
     }
 }
@@ -199,11 +200,10 @@ TEST_CASE("people in one light cast shadows on each other, within reach") {
     const SmallScene scene;
     const auto brightness = [&](const vec3<double>& lamp, const vec3<double>& second, bool shadows,
                                 std::size_t person) {
-        Cast<cpu::Serial> cast(scene, {scene.motion, moved(scene.motion, second)}, scene.photos, {}, stored);
         LightData light{.points = {lamp}, .directions = {}, .log_intensities = {2.5}, .gloss = {-9, 2}};
         light.shadows = shadows;
-        const auto shared = std::make_shared<LearnedLight<cpu::Serial>>(cast.backend, light);
-        for (const std::size_t p : {0, 1}) cast.models[p].set_light(cast.rigs[p], shared, p == 0);
+        Cast<cpu::Serial> cast(scene, {scene.motion, moved(scene.motion, second)}, scene.photos, {}, stored,
+                               test::small_training, 12, light);
         Splats<cpu::Serial> splats;
         splats.resize(cast.people.size());
         cast.people.prepare(0);
@@ -226,10 +226,10 @@ TEST_CASE("people in one light cast shadows on each other, within reach") {
 
 TEST_CASE("two people learn one light, whose arrays are listed once, and each keeps it when only a pose is fitted") {
     const TwoPeople scene;
-    Cast<cpu::Serial> cast(scene.scene, scene.motions, scene.photos, {}, stored);
     const LightData start = even_light(2, 3, {0, 0.8, 0}, 3);
-    const auto light = std::make_shared<LearnedLight<cpu::Serial>>(cast.backend, start);
-    for (const std::size_t p : {0, 1}) cast.models[p].set_light(cast.rigs[p], light, p == 0);
+    Cast<cpu::Serial> cast(scene.scene, scene.motions, scene.photos, {}, stored, test::small_training, 12, start);
+    const auto light = cast.models[0].light();
+    CHECK(light == cast.models[1].light());
     CHECK(test::learns(cast.models[0], "light_points"));
     CHECK_FALSE(test::learns(cast.models[1], "light_points"));
     cast.steps(5);

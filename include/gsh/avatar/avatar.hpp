@@ -2,10 +2,10 @@
 /// @file  An avatar that is ready for display: canonical Gaussians on a rig, posed by a motion.
 #pragma once
 
+#include <gsh/avatar/avatar_pass.hpp>
 #include <gsh/avatar/deformation.hpp>
 #include <gsh/avatar/light_place.hpp>
 #include <gsh/avatar/occlusion_field.hpp>
-#include <gsh/avatar/poser.hpp>
 #include <gsh/avatar/rig.hpp>
 #include <gsh/avatar/skinned_gaussian.hpp>
 #include <gsh/backend/backend.hpp>
@@ -19,6 +19,7 @@
 #include <gsh/light/light.hpp>
 #include <gsh/light/light_buffers.hpp>
 #include <gsh/light/shadow_map.hpp>
+#include <gsh/light/surface_light.hpp>
 #include <gsh/math/vec.hpp>
 
 #include <concepts>
@@ -117,23 +118,20 @@ public:
     using Buffer = typename B::template Buffer<U>;
 
     /// One per frame in flight.
-    struct Cache {
-        typename Poser<B, T, D>::Cache poser;
-        Buffer<T> ao, dL_dao;           // [N] of this pose, if there is an occlusion field
-        Buffer<mat3<T>> dL_drotations;  // [J], likewise
+    struct Cache : AvatarPass<B, T, D>::Cache {
+        Buffer<mat3<T>> dL_drotations; // [J], if there is an occlusion field
         typename OcclusionField<B, T>::Cache occlusion_field;
     };
 
     Avatar(B& backend, const AvatarData& data, const AvatarParams& params = {})
-        : backend_(&backend), poser_(backend, data.rig, {data.clamping, data.deformation}) {
+        : backend_(&backend), pass_(backend, data.rig, {data.clamping, data.deformation}, light_params(data, params)) {
         check_size("Avatar", "gaussians", data.gaussians.size(), data.rig.point_count(), "one per point of the rig");
         if (!data.ao.empty())
             check_size("Avatar", "ao", data.ao.size(), data.rig.point_count(), "one per Gaussian, or none");
         if (data.occlusion_field)
             occlusion_field_.emplace(backend, *data.occlusion_field, data.rig.point_count(), data.rig.joint_count());
         const std::vector<T> ao(data.ao.begin(), data.ao.end());
-        ao_.resize(ao.size());
-        backend.upload(Span<const T>(ao), Span<T>(ao_));
+        assign(backend, ao, ao_);
         GaussianCloud<T> cloud;
         const auto cast = [](const auto& from, auto& to) {
             using To = typename std::remove_cvref_t<decltype(to)>::value_type;
@@ -147,19 +145,14 @@ public:
         for (const quat<float>& q : data.gaussians.quats) cloud.quats.push_back({T(q.w), T(q.x), T(q.y), T(q.z)});
         cloud.sh_degree = data.gaussians.sh_degree;
         upload(backend, cloud, gaussians_);
-        joints_.resize(data.rig.joints.size());
-        std::vector<vec3<T>> joints;
-        for (const auto& joint : data.rig.joints) joints.push_back(vec3<T>(joint));
-        backend.upload(Span<const vec3<T>>(joints), Span<vec3<T>>(joints_));
+        assign(backend, std::vector<vec3<T>>(data.rig.joints.begin(), data.rig.joints.end()), joints_);
         if (data.light) {
-            poser_.prepare_light(data.rig, {.shadows = data.light->shadows, .caster_spacing = params.caster_spacing});
             set_light(*data.light);
             const std::vector<vec3<T>> offsets(data.normal_offsets.begin(), data.normal_offsets.end());
             if (!offsets.empty())
                 check_size("Avatar", "normal_offsets", offsets.size(), data.rig.body.vertex_count(),
                            "one per vertex, or none");
-            normal_offsets_.resize(offsets.size());
-            backend.upload(Span<const vec3<T>>(offsets), Span<vec3<T>>(normal_offsets_));
+            assign(backend, offsets, normal_offsets_);
         }
     }
 
@@ -168,7 +161,7 @@ public:
     /// Puts the avatar in another light. Whether there are shadows stays as it is.
     /// Errors  ValueError for an avatar that was made without a light, and those of check_light.
     void set_light(const LightData& light) {
-        check_value(poser_.has_light(), "Avatar::set_light",
+        check_value(pass_.has_light(), "Avatar::set_light",
                     "the avatar was made without a light; its colours contain the light of its photographs");
         light_.upload(*backend_, light);
     }
@@ -176,37 +169,46 @@ public:
     /// Shows the avatar with or without its shadows: those that a light casts, and ambient occlusion.
     void set_shadows(bool shadows) {
         shadows_ = shadows;
-        poser_.set_shadows(shadows);
+        pass_.set_shadows(shadows);
     }
 
     [[nodiscard]] std::size_t size() const { return gaussians_.size(); }
-    [[nodiscard]] const Rig<B, T>& rig() const { return poser_.rig(); }
+    [[nodiscard]] const Rig<B, T>& rig() const { return pass_.rig(); }
 
-    /// The mesh that casts shadows on others in a pose. It is valid until the next call with this cache.
+    /// Brings the cache to a pose. caster() and write_splats() are for this pose then.
+    void move(const RigPose<B, T>& pose, Cache& cache) const { pass_.move(pose, joints_, cache); }
+
+    /// The mesh that casts shadows on others, after move(). It is valid until the next call with this cache.
     /// Errors  ValueError without a light.
-    [[nodiscard]] ShadowCaster<T> caster(const RigPose<B, T>& pose, Cache& cache) const {
-        poser_.bones(pose, joints_, cache.poser);
-        return poser_.caster(cache.poser);
+    [[nodiscard]] ShadowCaster<T> caster(Cache& cache) const { return pass_.caster(cache); }
+
+    /// Irradiance and gloss of each Gaussian in the last splats, [N], in the backend's memory.
+    /// Errors  ValueError without a light.
+    [[nodiscard]] Span<const LitShading<T>> shading(Cache& cache) const { return pass_.shading(cache); }
+
+    /// After move(): splats as seen from `center` (Camera::center()); splats must have size() elements. With a light,
+    /// `others` cast shadows beside the avatar itself.
+    void write_splats(const Deferred<vec3<T>>& center, const SplatView<T>& splats, Cache& cache,
+                      Span<const ShadowCaster<T>> others = {}) const {
+        const auto stored = [&](Span<vec3<T>> means) { backend_->copy(Span<const vec3<T>>(gaussians_.means), means); };
+        const auto occlude = [&] {
+            if (occlusion_field_ && shadows_) {
+                cache.ao.resize(size());
+                occlusion_field_->forward(rig().skeleton(), cache.rig.rotations, cache.ao, cache.occlusion_field);
+            }
+            return ao(cache);
+        };
+        with_sh_degree(gaussians_.sh_degree, [&](auto degree) {
+            pass_.template forward<decltype(degree)::value>(view(), stored, occlude, center, splats, cache,
+                                                            in_light(others));
+        });
     }
 
-    /// Irradiance and gloss of each Gaussian in the last pose(), [N], in the backend's memory.
-    /// Errors  ValueError without a light.
-    [[nodiscard]] Span<const LitShading<T>> shading(Cache& cache) const { return poser_.shading(cache.poser); }
-
-    /// Splats of a pose as seen from `center` (Camera::center()); splats must have size() elements. With a light,
-    /// `others` cast shadows beside the avatar itself.
+    /// move() and write_splats().
     void pose(const RigPose<B, T>& pose, const Deferred<vec3<T>>& center, const SplatView<T>& splats, Cache& cache,
               Span<const ShadowCaster<T>> others = {}) const {
-        poser_.bones(pose, joints_, cache.poser);
-        backend_->copy(Span<const vec3<T>>(gaussians_.means), Span<vec3<T>>(cache.poser.means));
-        if (occlusion_field_ && shadows_) {
-            cache.ao.resize(size());
-            occlusion_field_->forward(rig().skeleton(), cache.poser.rig.rotations, cache.ao, cache.occlusion_field);
-        }
-        with_sh_degree(gaussians_.sh_degree, [&](auto degree) {
-            poser_.template forward<decltype(degree)::value>(view(cache), center, splats, cache.poser,
-                                                             in_light(others));
-        });
+        move(pose, cache);
+        write_splats(center, splats, cache, others);
     }
 
     /// Adjoint of pose with respect to the pose alone: adds to the non-empty members of dL_dpose, and to dL_dcenter [1]
@@ -217,35 +219,46 @@ public:
         const bool ao_follows = occlusion_field_ && shadows_ && !dL_dpose.pose.empty();
         cache.dL_dao.resize(ao_follows ? size() : 0);
         backend_->fill(Span<T>(cache.dL_dao), T(0));
+        const auto occluded = [&] {
+            if (!ao_follows) return;
+            cache.dL_drotations.resize(rig().joint_count());
+            backend_->fill(Span<mat3<T>>(cache.dL_drotations), mat3<T>(T(0)));
+            occlusion_field_->backward(rig().skeleton(), cache.ao, cache.dL_dao, cache.occlusion_field,
+                                       cache.dL_drotations);
+            rig().skeleton().rotations_backward(pose.pose, cache.dL_drotations, dL_dpose.pose);
+        };
+        SkinnedView<const T> gaussians = view();
+        gaussians.ao = ao(cache);
         with_sh_degree(gaussians_.sh_degree, [&](auto degree) {
-            poser_.template backward<decltype(degree)::value>(view(cache), center, dL_dsplats, cache.poser,
-                                                              {.ao = cache.dL_dao}, dL_dcenter, in_light(),
-                                                              {.reaches_pose = !dL_dpose.empty()});
+            pass_.template backward<decltype(degree)::value>(
+                pose, gaussians, [](Span<vec3<T>>) {}, occluded, center, dL_dsplats, cache,
+                {.gaussians = {.ao = cache.dL_dao}, .pose = dL_dpose, .center = dL_dcenter}, in_light());
         });
-        poser_.bones_backward(pose, cache.poser, {}, dL_dpose);
-        if (!ao_follows) return;
-        cache.dL_drotations.resize(rig().joint_count());
-        backend_->fill(Span<mat3<T>>(cache.dL_drotations), mat3<T>(T(0)));
-        occlusion_field_->backward(rig().skeleton(), cache.ao, cache.dL_dao, cache.occlusion_field,
-                                   cache.dL_drotations);
-        rig().skeleton().rotations_backward(pose.pose, cache.dL_drotations, dL_dpose.pose);
     }
 
 private:
-    [[nodiscard]] SkinnedView<const T> view(const Cache& cache) const {
+    [[nodiscard]] static std::optional<SurfaceLightParams> light_params(const AvatarData& data,
+                                                                        const AvatarParams& params) {
+        if (!data.light) return std::nullopt;
+        return SurfaceLightParams{.shadows = data.light->shadows, .caster_spacing = params.caster_spacing};
+    }
+    [[nodiscard]] SkinnedView<const T> view() const {
         return {.quats = gaussians_.quats,
                 .log_scales = gaussians_.log_scales,
                 .opacity_logits = gaussians_.opacity_logits,
-                .sh = gaussians_.sh,
-                .ao = !shadows_ ? Span<const T>() : occlusion_field_ ? Span<const T>(cache.ao) : Span<const T>(ao_)};
+                .sh = gaussians_.sh};
+    }
+    [[nodiscard]] Span<const T> ao(const Cache& cache) const {
+        if (!shadows_) return {};
+        return occlusion_field_ ? Span<const T>(cache.ao) : Span<const T>(ao_);
     }
 
-    [[nodiscard]] PoserLight<T> in_light(Span<const ShadowCaster<T>> others = {}) const {
+    [[nodiscard]] FrameLight<T> in_light(Span<const ShadowCaster<T>> others = {}) const {
         return {light_.view(), normal_offsets_, others};
     }
 
     B* backend_;
-    Poser<B, T, D> poser_;
+    AvatarPass<B, T, D> pass_;
     Gaussians<B, T> gaussians_;
     Buffer<vec3<T>> joints_;
     bool shadows_ = true;

@@ -176,9 +176,7 @@ public:
           bias_(T(data.bias)), largest_(T(data.largest)) {
         check_occlusion_field("OcclusionField", data, point_count, joint_count);
         const auto bring = [&](const std::vector<float>& from, Buffer<T>& to) {
-            const std::vector<T> values(from.begin(), from.end());
-            to.resize(values.size());
-            backend.upload(Span<const T>(values), to);
+            assign(backend, std::vector<T>(from.begin(), from.end()), to);
         };
         bring(data.neurons, neurons_);
         bring(data.pose_weights, pose_weights_);

@@ -172,14 +172,11 @@ public:
         check_size("Rig", "joints", data.joints.size(), joint_count_, "store one rest position per joint");
         check_skin("Rig", data.skin.view(), point_count_);
         const SkinWeightTable<T> skin = data.skin.template cast<T>();
-        skin_joints_.resize(skin.joints.size());
-        skin_weights_.resize(skin.weights.size());
-        backend.upload(Span<const std::uint16_t>(skin.joints), skin_joints_);
-        backend.upload(Span<const T>(skin.weights), skin_weights_);
+        assign(backend, skin.joints, skin_joints_);
+        assign(backend, skin.weights, skin_weights_);
         std::vector<T> initial(coefficient_count(), T(0));
         for (std::size_t k = 0; k < shape_count_; ++k) initial[k] = T(data.betas[k]);
-        initial_.resize(initial.size());
-        backend.upload(Span<const T>(initial), initial_);
+        assign(backend, initial, initial_);
     }
 
     [[nodiscard]] std::size_t joint_count() const { return joint_count_; }
@@ -211,12 +208,9 @@ public:
         for (std::size_t k = 0; k < motion.expression_count; ++k)
             coefficients[shape_count_ + k] = T(motion.expression_at(frame)[k]);
         const vec3<T> transl(motion.transl[frame]);
-        pose.pose.resize(joint_count_);
-        pose.coefficients.resize(coefficients.size());
-        pose.transl.resize(1);
-        backend_->upload(Span<const vec3<T>>(angles), pose.pose);
-        backend_->upload(Span<const T>(coefficients), pose.coefficients);
-        backend_->upload(Span<const vec3<T>>(&transl, 1), pose.transl);
+        assign(*backend_, angles, pose.pose);
+        assign(*backend_, coefficients, pose.coefficients);
+        assign(*backend_, Span<const vec3<T>>(&transl, 1), pose.transl);
         pose.shape = {};
     }
 

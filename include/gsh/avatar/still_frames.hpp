@@ -97,7 +97,7 @@ private:
     void shape(GaussianCloud<float>& cloud) {
         using Bone = typename D::template Bone<float>;
         const Span<const Bone> bones =
-            detail::bones_of<D>(*backend_, Span<const Affine<float>>(cache_.poser.rig.bones), cache_.poser.skin);
+            detail::bones_of<D>(*backend_, Span<const Affine<float>>(cache_.rig.bones), cache_.skin);
         const SkinWeights<float> skin = avatar_.rig().skin();
         const GaussianCloud<float>& from = data_->gaussians;
         const auto basis = static_cast<std::size_t>(sh_basis_count(degree_)),
@@ -141,7 +141,7 @@ private:
         for (std::size_t i = 0; i < size(); ++i) irradiance[i] = shading[i].x;
         detail::light_cloud(cloud, data_->clamping, irradiance);
 
-        const Span<const vec3<float>> normals = cache_.poser.light.surface.normals;
+        const Span<const vec3<float>> normals = cache_.light.surface.normals;
         backend_->for_chunks(size(), grain, [&](std::size_t, std::size_t begin, std::size_t end) {
             for (std::size_t i = begin; i < end; ++i) {
                 vec3<double> prior[basis], fitted[basis], normal(0);

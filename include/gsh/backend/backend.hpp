@@ -8,6 +8,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <string_view>
+#include <vector>
 
 namespace gsh {
 
@@ -80,6 +81,19 @@ template <Backend B>
     else return Precision::fp32;
 }
 
+/// A backend that may queue a step's work without a wait, so that its host learns of an error only afterwards. What
+/// that asks of the parts of a training is on one page, docs/components/deferred_steps.md.
+///
+///     deferring()    whether the host must not wait now, because a step is being recorded
+///     halted()       the word that is not zero after an error in such a step, [1]; see halt_word
+///
+/// It may also have for_each_branch(count, branch) and free_memory(), bytes. RepeatedStep is specialised for it.
+template <class B>
+concept DeferringBackend = Backend<B> && requires(B& backend, const B& constant) {
+    { constant.deferring() } -> std::same_as<bool>;
+    { backend.halted() } -> std::convertible_to<Span<const std::uint32_t>>;
+};
+
 /// A trainer settles its repeated steps at least so often.
 inline constexpr std::size_t most_unsettled_steps = 200;
 
@@ -115,11 +129,22 @@ void for_each_branch(B& backend, std::size_t count, const Branch& branch) {
     }
 }
 
-/// A word in the backend's memory that is not zero after an error in a repeated step; empty on backends that report
-/// errors at once. Function objects that change what is learned do nothing while it is set.
+/// Makes a buffer of the backend a copy of values of the host.
+template <Backend B, class T>
+void assign(B& backend, Span<const T> from, typename B::template Buffer<T>& to) {
+    to.resize(from.size());
+    backend.upload(from, Span<T>(to));
+}
+template <Backend B, class T>
+void assign(B& backend, const std::vector<T>& from, typename B::template Buffer<T>& to) {
+    assign(backend, Span<const T>(from), to);
+}
+
+/// The word of a DeferringBackend; empty on backends that report errors at once. Function objects that change what is
+/// learned do nothing while it is set.
 template <Backend B>
 [[nodiscard]] Span<const std::uint32_t> halt_word([[maybe_unused]] B& backend) {
-    if constexpr (requires { backend.halted(); }) return backend.halted();
+    if constexpr (DeferringBackend<B>) return backend.halted();
     else return {};
 }
 /// Whether it is set, for host code that makes rare changes to what is learned. Waits for a backend with such a word.

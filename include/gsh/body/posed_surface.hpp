@@ -61,12 +61,12 @@ public:
                    "store one weight per vertex and joint");
         detail::check_triangles("PosedSurface", "faces", body.faces, vertex_count_);
         const std::vector<vec3<double>> shaped = shaped_vertices(body, betas);
-        bring(std::vector<vec3<T>>(shaped.begin(), shaped.end()), rest_);
+        assign(*backend_, std::vector<vec3<T>>(shaped.begin(), shaped.end()), rest_);
 
         const SkinWeightTable<T> skin = sparse_weights(body.weights, joint_count_).template cast<T>();
         influences_ = skin.influences;
-        bring(skin.joints, skin_joints_);
-        bring(skin.weights, skin_weights_);
+        assign(*backend_, skin.joints, skin_joints_);
+        assign(*backend_, skin.weights, skin_weights_);
         group_by_bone(skin);
         group_by_vertex(body.faces);
     }
@@ -160,12 +160,6 @@ private:
     /// between threads.
     static constexpr std::size_t piece_length = 64;
 
-    template <class U>
-    void bring(const std::vector<U>& from, Buffer<U>& to) {
-        to.resize(from.size());
-        backend_->upload(Span<const U>(from), to);
-    }
-
     [[nodiscard]] SkinWeights<T> skin() const { return {skin_joints_, skin_weights_, influences_}; }
 
     /// Adds to dL_dbones what BonePieceBackward sums.
@@ -194,7 +188,9 @@ private:
             }
             bone_pieces.push_back(static_cast<std::uint32_t>(piece_starts.size() - 1));
         }
-        bring(moved, moved_), bring(piece_starts, piece_starts_), bring(bone_pieces, bone_pieces_);
+        assign(*backend_, moved, moved_);
+        assign(*backend_, piece_starts, piece_starts_);
+        assign(*backend_, bone_pieces, bone_pieces_);
     }
 
     void group_by_vertex(const std::vector<std::array<int, 3>>& faces) {
@@ -205,7 +201,9 @@ private:
         std::vector<std::uint32_t> next(starts.begin(), starts.end() - 1);
         for (std::size_t n = 0; n < corners.size(); ++n)
             corners[next[static_cast<std::size_t>(faces[n / 3][n % 3])]++] = static_cast<std::uint32_t>(n);
-        bring(triangle_indices(faces), triangles_), bring(starts, corner_starts_), bring(corners, corners_);
+        assign(*backend_, triangle_indices(faces), triangles_);
+        assign(*backend_, starts, corner_starts_);
+        assign(*backend_, corners, corners_);
     }
 
     void check_inputs(std::string_view where, Span<const Affine<T>> bones, Span<const vec3<T>> offsets,

@@ -94,10 +94,9 @@ public:
         for (std::size_t n = 0; n < corners.size(); ++n)
             entries[next[corners[n].index]++] = {static_cast<std::uint32_t>(n / 3), corners[n].weight};
 
-        corners_.resize(corners.size()), entries_.resize(entries.size()), starts_.resize(starts.size());
-        backend.upload(Span<const detail::Contribution<T>>(corners), corners_);
-        backend.upload(Span<const detail::Contribution<T>>(entries), entries_);
-        backend.upload(Span<const std::uint32_t>(starts), starts_);
+        assign(backend, corners, corners_);
+        assign(backend, entries, entries_);
+        assign(backend, starts, starts_);
     }
 
     [[nodiscard]] std::size_t vertex_count() const { return vertex_count_; }

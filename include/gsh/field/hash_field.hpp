@@ -123,9 +123,8 @@ public:
             backend.download(scales.region, Span<T>(region));
             for (std::size_t i = 0; i < region.size(); ++i) rest[i] = T(1) - region[i];
             typename B::template Buffer<T> on_backend[2];
-            for (auto* buffer : {&on_backend[0], &on_backend[1]}) buffer->resize(points.size());
-            backend.upload(Span<const T>(rest), Span<T>(on_backend[0]));
-            backend.upload(Span<const T>(none), Span<T>(on_backend[1]));
+            assign(backend, rest, on_backend[0]);
+            assign(backend, none, on_backend[1]);
             query.grids.resize(2);
             grid_.prepare(backend, points, query.grids[0],
                           LevelWeights<T>{scales.fine_level, on_backend[0], on_backend[1]});

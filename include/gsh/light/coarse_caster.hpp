@@ -57,9 +57,8 @@ public:
         : backend_(&backend), vertex_count_(rest.size()) {
         const CoarseMesh mesh = coarse_mesh(rest, faces, spacing);
         const std::vector<vec3<std::uint32_t>> triangles = triangle_indices(mesh.faces);
-        picked_.resize(mesh.picked.size()), triangles_.resize(triangles.size());
-        backend.upload(Span<const std::uint32_t>(mesh.picked), picked_);
-        backend.upload(Span<const vec3<std::uint32_t>>(triangles), triangles_);
+        assign(backend, mesh.picked, picked_);
+        assign(backend, triangles, triangles_);
     }
 
     [[nodiscard]] std::size_t vertex_count() const { return vertex_count_; }

@@ -20,16 +20,14 @@ public:
     /// Errors  those of check_light; the former light then stays.
     void upload(B& backend, const LightData& light) {
         check_light("LightBuffers::upload", light);
-        const auto bring = [&]<class U>(const std::vector<U>& host, Buffer<U>& to) {
-            to.resize(host.size());
-            backend.upload(Span<const U>(host), Span<U>(to));
-        };
         const auto vectors = [](const std::vector<vec3<double>>& from) {
             return std::vector<vec3<T>>(from.begin(), from.end());
         };
         const auto numbers = [](const std::vector<double>& from) { return std::vector<T>(from.begin(), from.end()); };
-        bring(vectors(light.points), points_), bring(vectors(light.directions), directions_);
-        bring(numbers(light.log_intensities), log_intensities_), bring(numbers(light.gloss), gloss_);
+        assign(backend, vectors(light.points), points_);
+        assign(backend, vectors(light.directions), directions_);
+        assign(backend, numbers(light.log_intensities), log_intensities_);
+        assign(backend, numbers(light.gloss), gloss_);
     }
 
     [[nodiscard]] bool empty() const { return log_intensities_.size() == 0; }

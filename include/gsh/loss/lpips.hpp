@@ -99,11 +99,6 @@ private:
     LpipsScaling scaling_;
     LpipsWeights<B, T> weights_;
     int smallest_side_ = 1;
-
-    void upload(const std::vector<T>& from, typename B::template Buffer<T>& to) {
-        to.resize(from.size());
-        backend_->upload(Span<const T>(from), Span<T>(to));
-    }
 };
 
 // -------------------------------------------------------------------------------------------------------------
@@ -128,11 +123,11 @@ Lpips<B, T>::Lpips(B& backend, const LpipsNetwork& network, LpipsScaling scaling
             for (std::size_t i = 0; i < inputs; ++i)
                 for (std::size_t k = 0; k < window; ++k)
                     weight[(o * window + k) * inputs + i] = T(from.weight[(o * inputs + i) * window + k]);
-        upload(weight, weights_.convolutions[convolution].weight);
-        upload(cast(from.bias), weights_.convolutions[convolution].bias);
+        assign(*backend_, weight, weights_.convolutions[convolution].weight);
+        assign(*backend_, cast(from.bias), weights_.convolutions[convolution].bias);
         ++convolution, inputs = channels;
     }
-    for (std::size_t k = 0; k < network.lins.size(); ++k) upload(cast(network.lins[k]), weights_.lins[k]);
+    for (std::size_t k = 0; k < network.lins.size(); ++k) assign(*backend_, cast(network.lins[k]), weights_.lins[k]);
     std::copy(network.shift.begin(), network.shift.end(), weights_.shift.begin());
     std::copy(network.scale.begin(), network.scale.end(), weights_.scale.begin());
 }

@@ -2,8 +2,8 @@
 /// @file  The trainable avatar: appearance, shadow, rig and skinning turn learned arrays into splats of a pose.
 #pragma once
 
+#include <gsh/avatar/avatar_pass.hpp>
 #include <gsh/avatar/deformation.hpp>
-#include <gsh/avatar/poser.hpp>
 #include <gsh/avatar/rig.hpp>
 #include <gsh/avatar/skinned_gaussian.hpp>
 #include <gsh/backend/backend.hpp>
@@ -15,6 +15,7 @@
 #include <gsh/gaussian/splats.hpp>
 #include <gsh/light/light.hpp>
 #include <gsh/light/shadow_map.hpp>
+#include <gsh/light/surface_light.hpp>
 #include <gsh/math/quat.hpp>
 #include <gsh/math/vec.hpp>
 #include <gsh/pipeline/appearance.hpp>
@@ -48,15 +49,22 @@ struct DisplacedMeans {
 
 } // namespace detail
 
+/// The light of a model. Several models may share one; the one with `announces` lists its arrays in learned().
+template <Backend B, std::floating_point T = float>
+struct ModelLight {
+    SharedLight<B, T> light = {}; ///< null: no light
+    bool announces = true;
+};
+
 /// Splats of an avatar in a pose, from learned arrays:
 ///
 ///     SH, δx   = appearance(x₀)
 ///     x̂₀       = x₀ + δx + the body's own offsets at this pose and expression (Rig)
 ///     ao       = shadow(x₀, frame or pose)
-///     splats   = SkinnedGaussian(x̂₀, R, s, o, SH, ao; Σ w B(pose)), shaded by SurfaceLight if a light is set
+///     splats   = SkinnedGaussian(x̂₀, R, s, o, SH, ao; Σ w B(pose)), shaded by SurfaceLight if there is a light
 ///
-/// There are two calls, so that several views of a frame evaluate the appearance once: `update_canonical` runs the
-/// appearance, `pose` the rest. `backward` is the adjoint of both.
+/// A frame takes three calls. `update_canonical` runs the appearance, `move` the rig, `write_splats` the rest
+/// (AvatarPass), so that several views of a frame run appearance and rig once. `backward` is the adjoint of all.
 ///
 /// D is a DeformationPolicy, or Params::deformation names one of gsh's. Files can store only the latter.
 ///
@@ -75,18 +83,16 @@ public:
 
     static constexpr int sh_degree = Appearance::sh_degree;
 
-    /// What forward stores for backward.
-    struct Cache {
-        typename Poser<B, T, D>::Cache poser;
-        Buffer<T> ao, dL_dao; // [N], or empty without a shadow
-    };
+    /// What a frame stores for backward. ao and dL_dao are [N], or empty without a shadow.
+    using Cache = typename AvatarPass<B, T, D>::Cache;
 
     /// There is a Gaussian at each point of the rig. `samples` gives normals and initial scales. Appearance and shadow
     /// must be made of the same `points`.
+    /// Errors  ValueError for a light on a body without triangles.
     AvatarModel(B& backend, const RigData& rig, const SurfaceSamples& samples, SharedPoints<B, T> points,
-                Appearance appearance, Shadow shadow = {}, const Params& params = {})
+                Appearance appearance, Shadow shadow = {}, const Params& params = {}, ModelLight<B, T> light = {})
         : AvatarModel(backend, rig, detail::GaussianStart<T>(rig, samples, params), std::move(points),
-                      std::move(appearance), std::move(shadow), params) {}
+                      std::move(appearance), std::move(shadow), params, std::move(light)) {}
 
     /// The size of the model's own arrays, without appearance and shadow.
     [[nodiscard]] static PartSize own_size(std::size_t joint_count) {
@@ -98,25 +104,15 @@ public:
 
     [[nodiscard]] std::size_t size() const { return points_->size(); }
     [[nodiscard]] const Params& params() const { return params_; }
-    [[nodiscard]] const Rig<B, T>& rig() const { return poser_.rig(); }
+    [[nodiscard]] const Rig<B, T>& rig() const { return pass_.rig(); }
     [[nodiscard]] Appearance& appearance() { return appearance_; }
     [[nodiscard]] const Appearance& appearance() const { return appearance_; }
     [[nodiscard]] Shadow& shadow() { return shadow_; }
     [[nodiscard]] const Shadow& shadow() const { return shadow_; }
     [[nodiscard]] const Cache& cache() const { return cache_; }
 
-    /// From now on the Gaussians are shaded in this light. Several models may share a light; the one with `announces`
-    /// lists its arrays in learned(). `rig` is that of the constructor.
-    /// Errors  ValueError without a light, and for a body without triangles.
-    void set_light(const RigData& rig, SharedLight<B, T> light, bool announces = true) {
-        check_value(light != nullptr, "AvatarModel::set_light", "there is no light");
-        poser_.prepare_light(rig, {.shadows = light->shadows()});
-        light_ = std::move(light), announces_light_ = announces;
-        const std::size_t count = params_.normal_offset_rate > 0 ? rig.body.vertex_count() : 0;
-        normal_offsets_ = {*backend_, std::vector<vec3<T>>(count, vec3<T>(T(0)))};
-    }
     /// The light, or null.
-    [[nodiscard]] const SharedLight<B, T>& light() const { return light_; }
+    [[nodiscard]] const SharedLight<B, T>& light() const { return light_.light; }
 
     /// progress in [0, 1] is the share of the run that is over. The shadow joins at Params::shadow_start, and colours
     /// depend on the direction from Params::sh_start on.
@@ -140,24 +136,33 @@ public:
     void fill(const PointFill<T>& fill) { filled_.emplace(*backend_, size(), sh_basis_count(sh_degree), fill); }
     void end_fill() { filled_.reset(); }
 
-    /// The mesh that casts shadows in a pose. It is valid until the next call of this or of pose().
+    /// Brings the model to a pose. caster() and write_splats() are for this pose then.
+    void move(const RigPose<B, T>& pose) { pass_.move(pose, joints(), cache_); }
+
+    /// The mesh that casts shadows on others, after move(). It is valid until the next call of this or of write_splats.
     /// Errors  ValueError without a light.
-    [[nodiscard]] ShadowCaster<T> caster(const RigPose<B, T>& pose) {
-        poser_.bones(pose, joints(), cache_.poser);
-        return poser_.caster(cache_.poser);
+    [[nodiscard]] ShadowCaster<T> caster() { return pass_.caster(cache_); }
+
+    /// After move(pose): splats of the pose, which is that of `frame`, seen from `center`, the camera's centre in the
+    /// world. With a light, `others` cast shadows beside the body itself.
+    void write_splats(const RigPose<B, T>& pose, std::size_t frame, const Deferred<vec3<T>>& center,
+                      const SplatView<T>& splats, Span<const ShadowCaster<T>> others = {}) {
+        const auto displace = [&](Span<vec3<T>> means) { write_means(means); };
+        const auto occlude = [&] {
+            cache_.ao.resize(casts_shadow() ? size() : 0);
+            if (casts_shadow()) shadow_.forward(shadow_input(pose, frame), cache_.ao);
+            return Span<const T>(cache_.ao);
+        };
+        with_present_degree([&](auto degree) {
+            pass_.template forward<degree()>(gaussians(), displace, occlude, center, splats, cache_, in_light(others));
+        });
     }
 
-    /// Writes splats of `pose`, the pose at `frame`, seen from `center`, the camera's centre in the world. With a
-    /// light, `others` cast shadows beside the body itself.
+    /// move() and write_splats().
     void pose(const RigPose<B, T>& pose, std::size_t frame, const Deferred<vec3<T>>& center, const SplatView<T>& splats,
               Span<const ShadowCaster<T>> others = {}) {
-        poser_.bones(pose, joints(), cache_.poser);
-        write_means(cache_.poser.means);
-        cache_.ao.resize(casts_shadow() ? size() : 0);
-        if (casts_shadow()) shadow_.forward(shadow_input(pose, frame), cache_.ao);
-        with_present_degree([&](auto degree) {
-            poser_.template forward<degree()>(gaussians(), center, splats, cache_.poser, in_light(others));
-        });
+        move(pose);
+        write_splats(pose, frame, center, splats, others);
     }
 
     /// Adjoint of update_canonical and pose. Adds to the gradients of learned(), and to the gradients of the pose and
@@ -168,23 +173,24 @@ public:
         check_value(!filled_, "AvatarModel::backward", "some Gaussians are filled, so the model does not learn");
         const Span<T> dL_dao = zeros(cache_.dL_dao, cache_.ao.size());
         const ColorGradient<T> dL_dcolors = appearance_.color_gradient();
-        with_present_degree([&](auto degree) {
-            poser_.template backward<degree()>(gaussians(), center, dL_dsplats, cache_.poser,
-                                               {.quats = quats_.gradient(),
-                                                .log_scales = log_scales_.gradient(),
-                                                .opacity_logits = opacity_logits_.gradient(),
-                                                .sh = dL_dcolors.sh,
-                                                .ao = dL_dao,
-                                                .sh_stride = dL_dcolors.sh_stride},
-                                               dL_dcenter, in_light(),
-                                               {light_ ? light_->gradient() : LightView<T>(),
-                                                normal_offsets_.gradient(), !dL_dpose.empty()});
-        });
-        for_each_branch(*backend_, 2, [&](std::size_t branch) {
-            if (branch == 1) return appearance_.backward(frame, cache_.poser.dL_dmeans);
-            // One branch, since both add to dL_dpose.
-            poser_.bones_backward(pose, cache_.poser, joints_.gradient(), dL_dpose);
+        const auto displaced = [&](Span<vec3<T>> dL_dmeans) { appearance_.backward(frame, dL_dmeans); };
+        const auto occluded = [&] {
             if (!dL_dao.empty()) shadow_.backward(shadow_input(pose, frame), cache_.ao, dL_dao, dL_dpose.pose);
+        };
+        const AvatarGradient<T> dL_dall{.gaussians = {.quats = quats_.gradient(),
+                                                      .log_scales = log_scales_.gradient(),
+                                                      .opacity_logits = opacity_logits_.gradient(),
+                                                      .sh = dL_dcolors.sh,
+                                                      .ao = dL_dao,
+                                                      .sh_stride = dL_dcolors.sh_stride},
+                                        .joints = joints_.gradient(),
+                                        .pose = dL_dpose,
+                                        .center = dL_dcenter,
+                                        .light = light() ? light()->gradient() : LightView<T>(),
+                                        .normal_offsets = normal_offsets_.gradient()};
+        with_present_degree([&](auto degree) {
+            pass_.template backward<degree()>(pose, gaussians(), displaced, occluded, center, dL_dsplats, cache_,
+                                              dL_dall, in_light());
         });
     }
 
@@ -194,12 +200,14 @@ public:
                           Span<vec3<T>> dL_dcenter = {}) {
         const bool shadow_moves = shadow_.follows_pose() && !cache_.ao.empty() && !dL_dpose.pose.empty();
         const Span<T> dL_dao = zeros(cache_.dL_dao, shadow_moves ? size() : 0);
+        const auto occluded = [&] {
+            if (shadow_moves) shadow_.backward_to_pose(shadow_input(pose, frame), cache_.ao, dL_dao, dL_dpose.pose);
+        };
         with_present_degree([&](auto degree) {
-            poser_.template backward<degree()>(gaussians(), center, dL_dsplats, cache_.poser, {.ao = dL_dao},
-                                               dL_dcenter, in_light(), {.reaches_pose = !dL_dpose.empty()});
+            pass_.template backward<degree()>(
+                pose, gaussians(), [](Span<vec3<T>>) {}, occluded, center, dL_dsplats, cache_,
+                {.gaussians = {.ao = dL_dao}, .pose = dL_dpose, .center = dL_dcenter}, in_light());
         });
-        poser_.bones_backward(pose, cache_.poser, {}, dL_dpose);
-        if (shadow_moves) shadow_.backward_to_pose(shadow_input(pose, frame), cache_.ao, dL_dao, dL_dpose.pose);
     }
 
     /// The joints, the Gaussians' own attributes, then the arrays of appearance, shadow and light.
@@ -212,7 +220,7 @@ public:
         append(arrays, shadow_.learned());
         if (normal_offsets_.size())
             arrays.push_back(normal_offsets_.announce("normal_offsets", params_.normal_offset_rate));
-        if (light_ && announces_light_) append(arrays, light_->learned());
+        if (light() && light_.announces) append(arrays, light()->learned());
         return arrays;
     }
 
@@ -220,7 +228,7 @@ public:
     /// Errors  ValueError without a shadow.
     [[nodiscard]] Span<const T> ao(const RigPose<B, T>& pose, std::size_t frame) {
         check_value(shadow_.casts(), "AvatarModel::ao", "the model has no shadow");
-        poser_.bones(pose, joints(), cache_.poser);
+        move(pose);
         cache_.ao.resize(size());
         shadow_.forward(shadow_input(pose, frame), cache_.ao);
         return cache_.ao;
@@ -229,8 +237,7 @@ public:
     /// Irradiance and gloss of each Gaussian at the last pose(), [N], in the backend's memory.
     /// Errors  ValueError without a light.
     [[nodiscard]] Span<const LitShading<T>> shading() {
-        check_value(light_ != nullptr, "AvatarModel::shading", "the model has no light");
-        return poser_.shading(cache_.poser);
+        return pass_.shading(cache_);
     }
     /// Learned offsets of the mesh's normals [V], in the backend's memory; empty if there are none.
     [[nodiscard]] Span<const vec3<T>> normal_offsets() const { return normal_offsets_.values(); }
@@ -255,17 +262,26 @@ public:
 
 private:
     AvatarModel(B& backend, const RigData& rig, const detail::GaussianStart<T>& start, SharedPoints<B, T> points,
-                Appearance appearance, Shadow shadow, const Params& params)
-        : backend_(&backend), params_(params), poser_(backend, rig, {params.clamping, params.deformation}),
+                Appearance appearance, Shadow shadow, const Params& params, ModelLight<B, T> light)
+        : backend_(&backend), params_(params),
+          pass_(backend, rig, {params.clamping, params.deformation}, light_params(light)),
           points_(std::move(points)), appearance_(std::move(appearance)), shadow_(std::move(shadow)),
           joints_(backend, start.joints), log_scales_(backend, start.log_scales), quats_(backend, start.quats),
-          opacity_logits_(backend, start.opacity_logits) {
+          opacity_logits_(backend, start.opacity_logits), light_(std::move(light)),
+          normal_offsets_(backend, std::vector<vec3<T>>(light_.light && params.normal_offset_rate > 0
+                                                            ? rig.body.vertex_count()
+                                                            : 0,
+                                                        vec3<T>(T(0)))) {
         check_size("AvatarModel", "points", points_->size(), rig.point_count(), "one per point of the rig");
     }
 
+    [[nodiscard]] static std::optional<SurfaceLightParams> light_params(const ModelLight<B, T>& light) {
+        if (!light.light) return std::nullopt;
+        return SurfaceLightParams{.shadows = light.light->shadows()};
+    }
     [[nodiscard]] AppearanceView<T> appearance_view() const { return filled_ ? filled_->view() : appearance_.view(); }
     [[nodiscard]] ShadowInput<B, T> shadow_input(const RigPose<B, T>& pose, std::size_t frame) const {
-        return {frame, rig().skeleton(), pose.pose, cache_.poser.rig.rotations};
+        return {frame, rig().skeleton(), pose.pose, cache_.rig.rotations};
     }
     /// Calls f(std::integral_constant<int, D>()) with the degree that colours have now.
     template <class F>
@@ -274,8 +290,8 @@ private:
         else f(std::integral_constant<int, 0>());
     }
     /// Shadows have no gradient, so backward needs no casters.
-    [[nodiscard]] PoserLight<T> in_light(Span<const ShadowCaster<T>> others = {}) const {
-        return light_ ? PoserLight<T>{light_->view(), normal_offsets_.values(), others} : PoserLight<T>{};
+    [[nodiscard]] FrameLight<T> in_light(Span<const ShadowCaster<T>> others = {}) const {
+        return light() ? FrameLight<T>{light()->view(), normal_offsets_.values(), others} : FrameLight<T>{};
     }
     [[nodiscard]] Span<T> zeros(Buffer<T>& buffer, std::size_t count) {
         buffer.resize(count);
@@ -285,7 +301,7 @@ private:
 
     B* backend_;
     Params params_;
-    Poser<B, T, D> poser_;
+    AvatarPass<B, T, D> pass_;
     SharedPoints<B, T> points_; // x₀
     Appearance appearance_;
     Shadow shadow_;
@@ -293,8 +309,7 @@ private:
     LearnedBuffer<B, quat<T>> quats_;               // [N]
     LearnedBuffer<B, T> opacity_logits_;            // [N]
     bool shadow_joined_ = params_.shadow_start <= 0, view_dependent_ = params_.sh_start <= 0;
-    SharedLight<B, T> light_;
-    bool announces_light_ = false;
+    ModelLight<B, T> light_;
     LearnedBuffer<B, vec3<T>> normal_offsets_; // [V], or empty
     std::optional<FilledPoints<B, T>> filled_;
     Cache cache_;

@@ -89,10 +89,10 @@ public:
         const std::vector<T> region(priors.region.begin(), priors.region.end());
         std::vector<T> features;
         for (const double feature : priors.features) features.push_back(static_cast<T>(params.prior_scale * feature));
-        put(backend, here, positions_);
-        put(backend, unit, unit_);
-        put(backend, region, region_);
-        put(backend, features, features_);
+        assign(backend, here, positions_);
+        assign(backend, unit, unit_);
+        assign(backend, region, region_);
+        assign(backend, features, features_);
     }
 
     [[nodiscard]] std::size_t size() const { return positions_.size(); }
@@ -104,12 +104,6 @@ public:
     [[nodiscard]] Span<const T> features() const { return features_; }
 
 private:
-    template <class U>
-    static void put(B& backend, const std::vector<U>& from, Buffer<U>& to) {
-        to.resize(from.size());
-        backend.upload(Span<const U>(from), Span<U>(to));
-    }
-
     Buffer<vec3<T>> positions_, unit_;
     Buffer<T> region_, features_;
 };

@@ -22,6 +22,7 @@
 #include <cstdint>
 #include <memory>
 #include <type_traits>
+#include <utility>
 
 namespace gsh {
 
@@ -106,14 +107,16 @@ auto with_shadow_type(const AvatarConfig& config, const ShadowInputCounts& count
 }
 
 /// Makes the avatar that a configuration describes, from a rig and the samples of which the rig was made. `frame_count`
-/// is the length of the training motion, for parts that depend on the time.
+/// is the length of the training motion, for parts that depend on the time. Without a light, the avatar is not lit,
+/// whatever Configuration::light says: a capture's light is estimated first (estimate_light).
 ///
 /// Errors  ShapeError, ValueError: samples or priors that are not of the rig's points, a configuration out of range.
 template <Backend B, std::floating_point T = float, int Levels = 16, int Features = 4, int Degree = 2>
 [[nodiscard]] ConfiguredAvatar<B, T, Degree> make_avatar(B& backend, const RigData& rig, const SurfaceSamples& samples,
                                                          std::size_t frame_count, std::uint64_t seed,
                                                          const AvatarConfig& config = {},
-                                                         const CanonicalPriors& priors = {}) {
+                                                         const CanonicalPriors& priors = {},
+                                                         ModelLight<B, T> light = {}) {
     check_value(!config.head_time || config.hash_sh || config.hash_displacement, "AvatarConfig",
                 "head_time needs a field that reads it");
     check_value(config.initial_ao > 0 && config.initial_ao < config.largest_ao, "AvatarConfig",
@@ -137,7 +140,8 @@ template <Backend B, std::floating_point T = float, int Levels = 16, int Feature
             points,
             with_appearance_type<B, T, Levels, Features, Degree>(config, appearance),
             with_shadow_type<B, T, Levels, Features>(config, {frame_count, rig.body.pose_feature_count()}, shadow),
-            model_params(config)};
+            model_params(config),
+            std::move(light)};
 }
 
 /// The size of the avatar that make_avatar would make, on a rig of `joint_count` joints. Allocates no array.

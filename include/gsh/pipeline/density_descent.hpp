@@ -104,10 +104,8 @@ DensityChange plan_descent_on_host(B& backend, Span<const Fate> fates, Span<cons
     backend.download(fates, Span<Fate>(host_fates));
     backend.download(gradients, Span<T>(host_gradients));
     const Descent descent = plan_descent(std::move(host_fates), host_gradients, split_count, most);
-    to.parents.resize(descent.parents.size());
-    to.kin.resize(descent.kin.size());
-    backend.upload(Span<const std::uint32_t>(descent.parents), Span<std::uint32_t>(to.parents));
-    backend.upload(Span<const Kin>(descent.kin), Span<Kin>(to.kin));
+    assign(backend, descent.parents, to.parents);
+    assign(backend, descent.kin, to.kin);
     return descent.change;
 }
 /// A backend may have an overload of its own.

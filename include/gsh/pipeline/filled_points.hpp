@@ -73,12 +73,10 @@ public:
                         "points must be ascending and below the number of Gaussians");
             rows[fill.points[k]] = static_cast<std::uint32_t>(k + 1);
         }
-        const auto put = [&](const auto& from, auto& to) {
-            to.resize(from.size());
-            backend.upload(Span(from.data(), from.size()), to);
-        };
-        put(rows, rows_), put(fill.colors, colors_), put(fill.displacements, filled_displacements_);
-        put(fill.opacity_logits, filled_logits_);
+        assign(backend, rows, rows_);
+        assign(backend, fill.colors, colors_);
+        assign(backend, fill.displacements, filled_displacements_);
+        assign(backend, fill.opacity_logits, filled_logits_);
         sh_.resize(count * basis_), displacements_.resize(count), opacity_logits_.resize(count);
     }
 

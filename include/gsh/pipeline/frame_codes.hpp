@@ -28,8 +28,7 @@ public:
         std::vector<T> values(frame_count * TimeEncoding::output_count);
         for (std::size_t frame = 0; frame < frame_count; ++frame)
             TimeEncoding::forward(T(frame) / T(frame_count), values.data() + frame * TimeEncoding::output_count);
-        codes_.resize(values.size());
-        backend.upload(Span<const T>(values), Span<T>(codes_));
+        assign(backend, values, codes_);
     }
 
     /// Number of elements of a code.

@@ -42,8 +42,7 @@ public:
         gloss_ = {*backend_, std::vector<T>(light.gloss.begin(), light.gloss.end())};
         const std::vector<vec3<T>> directions(light.directions.begin(), light.directions.end());
         shadows_ = light.shadows;
-        directions_.resize(directions.size());
-        backend_->upload(Span<const vec3<T>>(directions), directions_);
+        assign(*backend_, directions, directions_);
     }
 
     /// LightData::shadows.

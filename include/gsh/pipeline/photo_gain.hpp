@@ -161,8 +161,7 @@ public:
             for (const std::uint32_t p : own) places_[p] = {rows.size(), own.size()};
             rows.insert(rows.end(), own.begin(), own.end());
         }
-        rows_.resize(rows.size());
-        backend.upload(Span<const std::uint32_t>(rows), Span<std::uint32_t>(rows_));
+        assign(backend, rows, rows_);
     }
 
     [[nodiscard]] const PhotoGainParams& params() const { return params_; }

@@ -139,16 +139,15 @@ private:
         std::optional<Refinement> refinement, test_refinement; // of training frames; of test frames
 
         Person(B& backend, const ReconstructionSetup::Person& from, const CanonicalPriors& priors,
-               const AvatarConfig& config)
+               const AvatarConfig& config, ModelLight<B> light)
             : model(make_avatar<B>(backend, from.rig, from.samples, from.motion.frame_count(), from.seed, config,
-                                   priors)) {}
+                                   priors, std::move(light))) {}
     };
     using PriorsOfPeople = std::vector<CanonicalPriors>;
 
     Reconstruction(B& backend, const PriorsOfPeople& priors, ReconstructionSetup&& made)
         : AnyReconstruction(std::move(made)), backend_(&backend), scene_(backend, cast(priors)),
           trainer_(backend, scene_, setup.photos, setup.seed, setup.configuration.train), timer_(backend) {
-        if (setup.light) light_people();
         if (setup.refinement) refine_people();
     }
 
@@ -175,18 +174,16 @@ private:
         return priors;
     }
     std::vector<CastMember<Model>> cast(const PriorsOfPeople& priors) {
+        const AvatarConfig& config = setup.configuration.avatar;
+        SharedLight<B> light; // of all people; the first announces it
+        if (setup.light) light = std::make_shared<LearnedLight<B>>(*backend_, *setup.light, config.rates.light);
         std::vector<CastMember<Model>> cast;
         for (std::size_t p = 0; p < setup.people.size(); ++p) {
             const ReconstructionSetup::Person& from = setup.people[p];
-            cast.push_back(
-                {&people_.emplace_back(*backend_, from, priors[p], setup.configuration.avatar).model, &from.motion});
+            Person& person = people_.emplace_back(*backend_, from, priors[p], config, ModelLight<B>{light, p == 0});
+            cast.push_back({&person.model, &from.motion});
         }
         return cast;
-    }
-    void light_people() {
-        const auto light =
-            std::make_shared<LearnedLight<B>>(*backend_, *setup.light, setup.configuration.avatar.rates.light);
-        for (std::size_t p = 0; p < people_.size(); ++p) people_[p].model.set_light(setup.people[p].rig, light, p == 0);
     }
     void check_refined(const char* where) const {
         check_value(setup.refinement.has_value(), where,

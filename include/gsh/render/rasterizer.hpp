@@ -197,8 +197,8 @@ private:
     }
     /// Whether the backend is recording a step, during which the host must not wait for it.
     [[nodiscard]] bool defers() const {
-        if constexpr (requires { backend_->deferring(); }) return backend_->deferring();
-        return false;
+        if constexpr (DeferringBackend<B>) return backend_->deferring();
+        else return false;
     }
     /// The report of the last pass. Throws for input that is wrong, whatever the size of the buffers.
     [[nodiscard]] RasterStatus accepted_status(const char* where, const Cache& cache) const {

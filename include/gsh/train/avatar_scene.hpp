@@ -151,11 +151,12 @@ public:
     void forward(std::size_t frame, const Deferred<vec3<T>>& center, const SplatView<T>& splats) {
         std::vector<vec3<double>> roots;
         for (const Person& person : people_) roots.push_back(person.motion->transl[frame]);
+        for (std::size_t p = 0; p < people_.size(); ++p) people_[p].model->move(pose(frame, p));
         const auto caster = [&](std::size_t p) {
-            return casts_shadow(people_[p]) ? people_[p].model->caster(pose(frame, p)) : ShadowCaster<T>();
+            return casts_shadow(people_[p]) ? people_[p].model->caster() : ShadowCaster<T>();
         };
         pose_people<T>(roots, caster, [&](std::size_t p, Span<const ShadowCaster<T>> others) {
-            people_[p].model->pose(pose(frame, p), frame, center, part(p, splats), others);
+            people_[p].model->write_splats(present_pose(people_[p], frame), frame, center, part(p, splats), others);
         });
     }
     void backward(std::size_t frame, const Deferred<vec3<T>>& center, const SplatView<const T>& dL_dsplats,

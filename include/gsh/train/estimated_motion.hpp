@@ -188,22 +188,18 @@ private:
     }
 
     void upload() {
-        const auto put = [&]<class U>(const std::vector<U>& from, Buffer<U>& to) {
-            to.resize(from.size());
-            backend_->upload(Span<const U>(from), to);
-        };
         std::vector<vec3<T>> pose;
         for (const vec3<double>& v : motion_.pose) {
             const bool long_way =
                 dot(v, v) > 3.14159265358979 * 3.14159265358979; // the adjoint requires half a turn at most
             pose.push_back(vec3<T>(long_way ? axis_angle_from_rotation(rotation_from_axis_angle(v)) : v));
         }
-        put(pose, pose_);
+        assign(*backend_, pose, pose_);
         std::vector<T> transl;
         for (const vec3<double>& v : motion_.transl) transl.insert(transl.end(), {T(v.x), T(v.y), T(v.z)});
-        put(transl, transl_);
-        put(std::vector<T>(motion_.expression.begin(), motion_.expression.end()), expression_);
-        put(std::vector<T>(motion_.betas.begin(), motion_.betas.end()), betas_);
+        assign(*backend_, transl, transl_);
+        assign(*backend_, std::vector<T>(motion_.expression.begin(), motion_.expression.end()), expression_);
+        assign(*backend_, std::vector<T>(motion_.betas.begin(), motion_.betas.end()), betas_);
     }
 
     [[nodiscard]] Span<const vec3<T>> pose_at(std::size_t frame) const {

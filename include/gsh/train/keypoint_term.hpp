@@ -111,10 +111,10 @@ public:
                     "weight must not be negative and reach must be above 0");
         std::vector<vec3<T>> joints;
         for (const vec3<double>& joint : rig.joints) joints.push_back(vec3<T>(joint));
-        put(joints, rest_);
+        assign(*backend_, joints, rest_);
         std::vector<T> initial(rig.betas.begin(), rig.betas.end());
         initial.resize(rig.betas.size() + static_cast<std::size_t>(rig.body.expression_count), T(0));
-        put(initial, initial_);
+        assign(*backend_, initial, initial_);
         put_keypoints(views, marks, params.reach);
     }
 
@@ -150,11 +150,6 @@ private:
     template <class U>
     using Buffer = typename B::template Buffer<U>;
 
-    template <class U>
-    void put(const std::vector<U>& from, Buffer<U>& to) {
-        to.resize(from.size());
-        backend_->upload(Span<const U>(from), to);
-    }
     /// Brings the keypoints to the backend, each frame's by joint.
     void put_keypoints(const std::vector<std::vector<ViewKeypoints>>& frames, const Landmarks& marks, double reach) {
         constexpr const char* where = "KeypointTerm";
@@ -190,7 +185,7 @@ private:
             }
             first.push_back(static_cast<std::uint32_t>(points.size()));
         }
-        put(views, views_), put(points, points_), put(first, first_);
+        assign(*backend_, views, views_), assign(*backend_, points, points_), assign(*backend_, first, first_);
     }
     /// Poses the joints, and finds what the frame's keypoints cost and how they pull.
     void pull(std::size_t frame, const RigPose<B, T>& pose) {

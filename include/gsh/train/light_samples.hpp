@@ -83,8 +83,7 @@ public:
             order.resize(std::min<std::size_t>(order.size(), most_vertices));
             chosen_.push_back(std::move(order));
             const std::vector<vec3<std::uint32_t>> triangles = triangle_indices(body.faces);
-            casters_[p].triangles.resize(triangles.size());
-            backend.upload(Span<const vec3<std::uint32_t>>(triangles), casters_[p].triangles);
+            assign(backend, triangles, casters_[p].triangles);
         }
     }
 
@@ -105,14 +104,12 @@ public:
             std::vector<vec3<float>> all;
             for (const vec3<double>& vertex : vertices) all.push_back(vec3<float>(vertex));
             casters_[p].present = length(motion->transl[frame] + rig->joints[0] - center_) < reach_;
-            casters_[p].vertices.resize(all.size());
-            backend_->upload(Span<const vec3<float>>(all), casters_[p].vertices);
+            assign(*backend_, all, casters_[p].vertices);
             for (const std::uint32_t v : chosen_[p])
                 positions_.push_back(all[v]), normals_.push_back(vec3<float>(normals[v]));
         }
-        receivers_.resize(positions_.size()), receiver_normals_.resize(normals_.size());
-        backend_->upload(Span<const vec3<float>>(positions_), receivers_);
-        backend_->upload(Span<const vec3<float>>(normals_), receiver_normals_);
+        assign(*backend_, positions_, receivers_);
+        assign(*backend_, normals_, receiver_normals_);
     }
 
     /// [samples, lights] on the host.

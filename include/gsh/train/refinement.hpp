@@ -76,8 +76,8 @@ public:
         fixed_camera_.assign(cameras_.size(), false);
         for (const std::size_t camera : config_.fixed_cameras)
             if (camera < cameras_.size()) fixed_camera_[camera] = true;
-        put(links, links_);
-        put(std::vector<T>(config_.joint_rates.begin(), config_.joint_rates.end()), joint_rates_);
+        assign(*backend_, links, links_);
+        assign(*backend_, std::vector<T>(config_.joint_rates.begin(), config_.joint_rates.end()), joint_rates_);
     }
 
     [[nodiscard]] const RefinementConfig& config() const { return config_; }
@@ -268,12 +268,6 @@ private:
         for (const vec3<double>& transl : motion.transl)
             mean += (transl + rig.joints[0]) * (1 / static_cast<double>(motion.frame_count()));
         return mean;
-    }
-
-    template <class From, class To>
-    void put(const std::vector<From>& from, To& to) {
-        to.resize(from.size());
-        backend_->upload(Span<const From>(from), to);
     }
 
     [[nodiscard]] bool learns_pose() const {

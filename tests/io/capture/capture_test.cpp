@@ -4,6 +4,7 @@
 #include "io/exif_files.hpp"
 #include "io/small_body.hpp"
 #include "io/temporary.hpp"
+#include "support/contains.hpp"
 #include "support/skip.hpp"
 
 #include <gsh/backend/threads.hpp>
@@ -390,8 +391,8 @@ TEST_CASE_FIXTURE(StoredCapture, "label images: one number is the person, severa
         const Capture read = load(&warnings);
         for (std::size_t i = 0; i < 9; ++i) CHECK(read.images[i].data == capture.images[i].data);
         REQUIRE(warnings.size() == 1);
-        CHECK(warnings[0].find("camera 'cam1' hold 0, " + std::to_string(label) + " instead of 0 and 255") !=
-              std::string::npos);
+        CHECK(warnings[0] ==
+              test::contains("camera 'cam1' hold 0, " + std::to_string(label) + " instead of 0 and 255"));
     }
     write_masks(1, [](std::size_t f, std::size_t) { return f == 2 ? 2 : 1; });
     test::check_throws<ValueError>([&] { (void)load(); },
@@ -423,8 +424,8 @@ TEST_CASE_FIXTURE(StoredCapture, "photographs lie as their Exif data state; half
     const Capture read = load(&warnings);
     for (std::size_t i = 0; i < 9; ++i) CHECK(read.images[i].data == capture.images[i].data);
     REQUIRE(warnings.size() == 1); // orientation 5 shows in the size
-    CHECK(warnings[0].find("2 of 9 photographs were turned") != std::string::npos);
-    CHECK(warnings[0].find("images/cam0/0000.png, images/cam0/0001.png") != std::string::npos);
+    CHECK(warnings[0] == test::contains("2 of 9 photographs were turned"));
+    CHECK(warnings[0] == test::contains("images/cam0/0000.png, images/cam0/0001.png"));
 
     // Plates are turned, too.
     for (int c = 0; c < 3; ++c) {
@@ -443,7 +444,7 @@ TEST_CASE_FIXTURE(StoredCapture, "backgrounds are opaque, one per camera, and ma
     for (PixelImage& image : capture.images)
         for (std::size_t i = 3; i < image.data.size(); i += 4) image.data[i] = 255;
     save_capture(path, capture);
-    CHECK(only_warning().find("without a mask") != std::string::npos);
+    CHECK(only_warning() == test::contains("without a mask"));
     for (int c = 0; c < 3; ++c) {
         PixelImage plate(4, 60, 64);
         for (std::size_t i = 0; i < plate.data.size(); ++i)
@@ -602,19 +603,19 @@ TEST_CASE_FIXTURE(StoredCapture, "what is probably wrong is warned of with its l
         capture.cameras[1].camera.t = {20, 1.3, 5};
         write_cameras(path / "cameras.json", {capture.cameras, 10, {}, {}});
         const std::string text = only_warning();
-        CHECK(text.find("cam1") != std::string::npos);
-        CHECK(text.find("far off the body") != std::string::npos);
+        CHECK(text == test::contains("cam1"));
+        CHECK(text == test::contains("far off the body"));
     }
     SUBCASE("a camera behind the body") {
         capture.cameras[1].camera.t = {0, 1.3, -5};
         write_cameras(path / "cameras.json", {capture.cameras, 10, {}, {}});
-        CHECK(only_warning().find("far off the body") != std::string::npos);
+        CHECK(only_warning() == test::contains("far off the body"));
     }
     SUBCASE("millimetres") {
         capture.cameras[1].camera.t = {0, 1300, 5000};
         capture.cameras[1].camera.cy = 4;
         write_cameras(path / "cameras.json", {capture.cameras, 10, {}, {}});
-        CHECK(only_warning().find("metres") != std::string::npos);
+        CHECK(only_warning() == test::contains("metres"));
     }
     SUBCASE("an inverted mask") {
         for (int f = 0; f < 3; ++f) {
@@ -624,8 +625,8 @@ TEST_CASE_FIXTURE(StoredCapture, "what is probably wrong is warned of with its l
             write_png(image(1, f), inverted);
         }
         const std::string text = only_warning();
-        CHECK(text.find("cam1") != std::string::npos);
-        CHECK(text.find("inverted") != std::string::npos);
+        CHECK(text == test::contains("cam1"));
+        CHECK(text == test::contains("inverted"));
     }
     SUBCASE("no mask at all") {
         for (int f = 0; f < 3; ++f) {
@@ -633,7 +634,7 @@ TEST_CASE_FIXTURE(StoredCapture, "what is probably wrong is warned of with its l
             for (std::size_t i = 3; i < opaque.data.size(); i += 4) opaque.data[i] = 255;
             write_png(image(0, f), opaque);
         }
-        CHECK(only_warning().find("without a mask") != std::string::npos);
+        CHECK(only_warning() == test::contains("without a mask"));
     }
     SUBCASE("masks of somebody else") {
         for (int f = 0; f < 3; ++f) {
@@ -641,7 +642,7 @@ TEST_CASE_FIXTURE(StoredCapture, "what is probably wrong is warned of with its l
             for (int y = 0; y < 60; ++y) other.pixel(y, 60)[3] = 255;
             write_png(image(0, f), other);
         }
-        CHECK(only_warning().find("belong together") != std::string::npos);
+        CHECK(only_warning() == test::contains("belong together"));
     }
 }
 

@@ -3,6 +3,7 @@
 
 #include "io/sample_files.hpp"
 #include "io/temporary.hpp"
+#include "support/contains.hpp"
 
 #include <doctest/doctest.h>
 
@@ -63,7 +64,7 @@ struct DetectorFolder {
             message = error.what();
         }
         CAPTURE(message);
-        CHECK(message.find(expected) != std::string::npos);
+        CHECK(message == test::contains(expected));
     }
     [[nodiscard]] Json& camera(std::size_t c) { return video["cameras"][c]; }
 };

@@ -3,6 +3,7 @@
 
 #include "io/sample_files.hpp"
 #include "io/temporary.hpp"
+#include "support/contains.hpp"
 
 #include <doctest/doctest.h>
 
@@ -110,8 +111,8 @@ TEST_CASE("a single camera needs no name in the files") {
     CHECK(frame_of("0001.png.json") == 1);
     CHECK(frame_of("cam.01.json") == 1);
     test::write_text(folder / "video_9999999999_keypoints.json", people);
-    CHECK(message_of([&] { (void)load_keypoints(folder / "", cameras_called({"cam"}), 5); })
-              .find("is of frame 9999999999, expected one below 5") != std::string::npos);
+    CHECK(message_of([&] { (void)load_keypoints(folder / "", cameras_called({"cam"}), 5); }) ==
+          test::contains("is of frame 9999999999, expected one below 5"));
 }
 
 TEST_CASE("files with the names of photographs belong to these, whatever their numbers") {
@@ -145,7 +146,7 @@ TEST_CASE("files with the names of photographs belong to these, whatever their n
     write("left_0_keypoints.json"), write("left_1_keypoints.json"), write("left_2_keypoints.json");
     CHECK(places() == Places{{0, 0}, {0, 1}, {0, 2}});
     write("left_3_keypoints.json");
-    CHECK(message_of([&] { (void)places(); }).find("frame 3, expected one below 3") != std::string::npos);
+    CHECK(message_of([&] { (void)places(); }) == test::contains("frame 3, expected one below 3"));
     for (const char* name : {"left_0_keypoints.json", "left_1_keypoints.json", "left_2_keypoints.json"})
         std::filesystem::remove(folder / name);
     CHECK(places() == Places{{0, 2}});
@@ -243,8 +244,8 @@ TEST_CASE("damaged keypoints are refused, with file and field") {
         files.write(name, json);
         const std::string message = files.refused();
         CAPTURE(message);
-        CHECK(message.find(name) != std::string::npos);
-        CHECK(message.find(expected) != std::string::npos);
+        CHECK(message == test::contains(name));
+        CHECK(message == test::contains(expected));
     };
     const auto people = [](const Json& list) { return Json{{"people", {{{"pose_keypoints_2d", list}}}}}; };
     Json text = points(25), infinite = points(25), negative = points(25);
@@ -272,16 +273,13 @@ TEST_CASE("damaged keypoints are refused, with file and field") {
         return message_of([&] { (void)load_keypoints(folder / "a.json", cameras, 9); });
     };
     const Json image{{"id", 1}, {"file_name", "left/1.png"}};
-    CHECK(load(Json{{"images", {image, image}}}).find("twice") != std::string::npos);
-    CHECK(load(Json{{"images", {{{"id", 1}}}}}).find("no file_name") != std::string::npos);
-    CHECK(load(Json{{"images", {image}}}).find("no list annotations") != std::string::npos);
-    CHECK(load(Json{{"images", {image}}, {"annotations", {{{"image_id", 2}}}}}).find("image_id 2") !=
-          std::string::npos);
-    CHECK(load(Json{{"images", {image}}, {"annotations", {{{"image_id", 1}}}}}).find("no keypoints") !=
-          std::string::npos);
-    CHECK(message_of([&] { (void)load_keypoints(folder / "none.json", cameras, 9); }).find("does not exist") !=
-          std::string::npos);
+    CHECK(load(Json{{"images", {image, image}}}) == test::contains("twice"));
+    CHECK(load(Json{{"images", {{{"id", 1}}}}}) == test::contains("no file_name"));
+    CHECK(load(Json{{"images", {image}}}) == test::contains("no list annotations"));
+    CHECK(load(Json{{"images", {image}}, {"annotations", {{{"image_id", 2}}}}}) == test::contains("image_id 2"));
+    CHECK(load(Json{{"images", {image}}, {"annotations", {{{"image_id", 1}}}}}) == test::contains("no keypoints"));
+    CHECK(message_of([&] { (void)load_keypoints(folder / "none.json", cameras, 9); }) ==
+          test::contains("does not exist"));
     test::Temporary empty;
-    CHECK(message_of([&] { (void)load_keypoints(empty / "", cameras, 9); }).find("no .json files") !=
-          std::string::npos);
+    CHECK(message_of([&] { (void)load_keypoints(empty / "", cameras, 9); }) == test::contains("no .json files"));
 }

@@ -3,6 +3,7 @@
 #include <gsh/io/file/foreign_file.hpp>
 
 #include "io/temporary.hpp"
+#include "support/contains.hpp"
 
 #include <gsh/io/capture/camera_file.hpp>
 #include <gsh/io/file/gltf_file.hpp>
@@ -107,7 +108,7 @@ TEST_CASE_FIXTURE(Kinds, "kinds by first bytes") {
     for (const auto& [bytes, name] : known) {
         const ForeignKind found = kind(bytes);
         INFO("expected " << std::string(name) << ", found " << found.name);
-        CHECK(found.name.find(name) != std::string::npos);
+        CHECK(found.name == test::contains(name));
     }
     for (const std::string_view text :
          {"{\"a\": 1}"sv, "hello."sv, "1, 2, 3\n"sv, "%YAML:1.0\n---\n"sv, "(a) text."sv, "\x80"sv})

@@ -9,6 +9,7 @@
 #include "io/npz_files.hpp"
 #include "io/temporary.hpp"
 #include "support/bodies.hpp"
+#include "support/contains.hpp"
 #include "support/small_training.hpp"
 
 #include <unistd.h>
@@ -85,7 +86,8 @@ struct ShadedTraining {
     AvatarScene<cpu::Serial, Model> people;
     Trainer<cpu::Serial, AvatarScene<cpu::Serial, Model>> trainer;
 
-    explicit ShadedTraining(AmbientOcclusion ao, int hidden_layers = 2, double normal_rate = 0)
+    explicit ShadedTraining(AmbientOcclusion ao, int hidden_layers = 2, double normal_rate = 0,
+                            const std::optional<LightData>& light = {})
         : model(make_avatar<cpu::Serial, float, 4, 2, 1>(backend, rig, samples, scene.motion.frame_count(), 3,
                                                          {.hash_base = 4,
                                                           .hash_growth = 2,
@@ -96,7 +98,8 @@ struct ShadedTraining {
                                                           .ao_width = 16,
                                                           .ao_table_size = 1024,
                                                           .largest_ao = 1.2,
-                                                          .rates = {.light_normals = normal_rate}})),
+                                                          .rates = {.light_normals = normal_rate}},
+                                                         {}, test::lit_by(backend, light))),
           people(backend, model, scene.motion), trainer(backend, people, scene.photos, 3) {
         for (int i = 0; i < 12; ++i) trainer.step(0.9);
     }
@@ -201,9 +204,7 @@ TEST_CASE("shadows that follow the pose come back from a file and fall on a new 
 
 TEST_CASE("a light comes back from a file and shades a new motion as in training, with or without an occlusion field") {
     for (const AmbientOcclusion ao : {AmbientOcclusion::none, AmbientOcclusion::pose}) {
-        ShadedTraining training(ao, 1, 5e-3);
-        training.model.set_light(training.rig, std::make_shared<LearnedLight<cpu::Serial>>(
-                                                   training.backend, even_light(2, 3, {0, 0.8, 0}, 3)));
+        ShadedTraining training(ao, 1, 5e-3, even_light(2, 3, {0, 0.8, 0}, 3));
         for (int i = 0; i < 3; ++i) training.trainer.step(0.9);
         const AvatarData saved = training.avatar();
         const auto path = temporary("lit.gsh");
@@ -289,8 +290,8 @@ TEST_CASE("a field of shadows that does not fit its avatar is refused by name") 
         change(*avatar.occlusion_field);
         return message_of([&] { save_avatar(path, avatar); });
     };
-    CHECK(save_error([](auto& field) { field.neurons.pop_back(); }).find("neurons") != std::string::npos);
-    CHECK(save_error([](auto& field) { field.width = 0; }).find("width") != std::string::npos);
+    CHECK(save_error([](auto& field) { field.neurons.pop_back(); }) == test::contains("neurons"));
+    CHECK(save_error([](auto& field) { field.width = 0; }) == test::contains("width"));
     CHECK(!std::filesystem::exists(path));
 
     // Changes that another program may have made to the file.
@@ -298,7 +299,7 @@ TEST_CASE("a field of shadows that does not fit its avatar is refused by name") 
         save_avatar(path, good);
         replace_member(path, member + ".npy", bytes);
         const std::string message = message_of([&] { (void)load_avatar(path); });
-        CHECK(message.find(path.string()) != std::string::npos);
+        CHECK(message == test::contains(path.string()));
         return message;
     };
     const std::string zeros(1 << 16, '\0'), N = std::to_string(training.model.size());
@@ -307,7 +308,7 @@ TEST_CASE("a field of shadows that does not fit its avatar is refused by name") 
     };
     const auto names = [&](const std::string& message, const char* word) {
         CAPTURE(message);
-        CHECK(message.find(word) != std::string::npos);
+        CHECK(message == test::contains(word));
     };
     names(load_error("occlusion_neurons", floats("(" + N + ",)", training.model.size())), "two axes");
     names(load_error("occlusion_neurons", floats("(3, 16)", 48)), "neurons has 48 elements");
@@ -344,13 +345,13 @@ TEST_CASE("ambient occlusion that is the same in every pose, deformation and fil
     AvatarData avatar = small_avatar();
     avatar.ao.assign(avatar.gaussians.size() - 1, 1.0f);
     save_avatar(path, avatar);
-    CHECK(message_of([&] { (void)load_avatar(path); }).find("ao has") != std::string::npos);
+    CHECK(message_of([&] { (void)load_avatar(path); }) == test::contains("ao has"));
     avatar.ao.assign(avatar.gaussians.size(), std::numeric_limits<float>::infinity());
     save_avatar(path, avatar);
-    CHECK(message_of([&] { (void)load_avatar(path); }).find("ao[0]") != std::string::npos);
+    CHECK(message_of([&] { (void)load_avatar(path); }) == test::contains("ao[0]"));
     save_avatar(path, small_avatar());
     replace_member(path, "deformation.npy", test::npy_bytes("<i4", "()", std::string("\3\0\0\0", 4)));
-    CHECK(message_of([&] { (void)load_avatar(path); }).find("deformation is 3, expected 0 to 2") != std::string::npos);
+    CHECK(message_of([&] { (void)load_avatar(path); }) == test::contains("deformation is 3, expected 0 to 2"));
     std::filesystem::remove(path);
 }
 
@@ -360,15 +361,15 @@ TEST_CASE("what cannot be an avatar is refused by name") {
     avatar.gaussians.means[3].y = std::numeric_limits<float>::quiet_NaN();
     save_avatar(path, avatar);
     const std::string nan = message_of([&] { (void)load_avatar(path); });
-    CHECK(nan.find("means[10]") != std::string::npos);
-    CHECK(nan.find(path.string()) != std::string::npos);
+    CHECK(nan == test::contains("means[10]"));
+    CHECK(nan == test::contains(path.string()));
 
     test::check_throws<ValueError>([&] { save_avatar(path, avatar, ArrayStorage::compact); }, {"means[10]", "finite"});
 
     avatar = small_avatar();
     avatar.rig.skin.joints[0] = 4;
     save_avatar(path, avatar);
-    CHECK(message_of([&] { (void)load_avatar(path); }).find("joint 4") != std::string::npos);
+    CHECK(message_of([&] { (void)load_avatar(path); }) == test::contains("joint 4"));
 
     const auto refused = [&](const auto& change, const char* word) {
         avatar = small_avatar();
@@ -376,7 +377,7 @@ TEST_CASE("what cannot be an avatar is refused by name") {
         save_avatar(path, avatar);
         const std::string message = message_of([&] { (void)load_avatar(path); });
         CAPTURE(message);
-        CHECK(message.find(word) != std::string::npos);
+        CHECK(message == test::contains(word));
     };
     constexpr double none = std::numeric_limits<double>::quiet_NaN();
     const int V = static_cast<int>(avatar.rig.body.vertex_count());

@@ -4,6 +4,7 @@
 #include "io/bvh_files.hpp"
 #include "io/damage.hpp"
 #include "io/temporary.hpp"
+#include "support/contains.hpp"
 #include "support/retarget_check.hpp"
 #include "support/sample_rig.hpp"
 #include "support/skeleton_body.hpp"
@@ -86,7 +87,7 @@ TEST_CASE("all six orders of rotations, units and axes: the body follows the sou
         const RigMotion rig = load_bvh(folder / "a.bvh", {}, &warnings);
         std::string all;
         for (const auto& warning : warnings) all += warning + "\n";
-        CHECK(all.find("taken as " + unit) != std::string::npos);
+        CHECK(all == test::contains("taken as " + unit));
         CHECK((all.find("turned to y up") != std::string::npos) == o.z_up);
         const Motion motion = retarget(rig, test::skeleton_body());
         auto metres = sample;
@@ -129,7 +130,7 @@ TEST_CASE("a world with z up is turned, also where only the frames or only the r
         walk.angles[t][0] = {1.5707963267948966, walk.angles[t][0].y, 0}; // in the order XYZ
     }
     const auto [rig, warnings] = load(walk);
-    CHECK(warnings.find("z is up, so the world is turned to y up\n") != std::string::npos);
+    CHECK(warnings == test::contains("z is up, so the world is turned to y up\n"));
     const auto head = std::find(rig.names.begin(), rig.names.end(), "mixamorig:Head") - rig.names.begin();
     for (std::size_t t = 0; t < rig.frame_count(); ++t)
         CHECK(rig.joint(t, static_cast<int>(head)).y - rig.joint(t, 0).y > 0.5);
@@ -140,7 +141,7 @@ TEST_CASE("a world with z up is turned, also where only the frames or only the r
         dive.angles[t][0] = {0.21 * static_cast<double>(t), 0, 0};
     }
     const auto [dives, doubt] = load(dive);
-    CHECK(doubt.find("z is up, so the world is turned to y up; that is uncertain") != std::string::npos);
+    CHECK(doubt == test::contains("z is up, so the world is turned to y up; that is uncertain"));
     CHECK(dives.joint(0, 0).y > 2.5);
 }
 
@@ -163,7 +164,7 @@ TEST_CASE("the rate that the caller states, a frame time of 0, and names that ar
     std::vector<std::string> warnings;
     CHECK(load(small_file(), {50, 0}, warnings).timestamps == std::vector<double>{0, 0.02});
     REQUIRE(warnings.size() == 1);
-    CHECK(warnings[0].find("25 frames per second, but --input-fps states 50") != std::string::npos);
+    CHECK(warnings[0] == test::contains("25 frames per second, but --input-fps states 50"));
     warnings.clear();
     CHECK(load(small_file(), {25, 10}, warnings).timestamps == std::vector<double>{0, 0.04});
     CHECK(load(small_file({{"0.04", "40"}}), {25, 0}, warnings).timestamps[1] == doctest::Approx(0.04));
@@ -171,7 +172,7 @@ TEST_CASE("the rate that the caller states, a frame time of 0, and names that ar
     warnings.clear();
     CHECK(load(small_file({{"0.04", "0"}}), {}, warnings).timestamps[1] == doctest::Approx(1 / 30.0));
     REQUIRE(warnings.size() == 1);
-    CHECK(warnings[0].find("states no frame rate") != std::string::npos);
+    CHECK(warnings[0] == test::contains("states no frame rate"));
     const RigMotion twice = load(small_file({{"JOINT Knee", "JOINT Hip: the first"}}), {}, warnings);
     CHECK(twice.names[1] == "Hip: the first#2");
 }
@@ -253,8 +254,7 @@ TEST_CASE("more lines than 'Frames:' states are frames, too, with a warning") {
         CHECK(rig.joints == exact.joints);
         CHECK(rig.timestamps == exact.timestamps);
         REQUIRE(warnings.size() == 1);
-        CHECK(warnings[0].find("states " + stated + " frames, but 2 lines follow; all of them are read") !=
-              std::string::npos);
+        CHECK(warnings[0] == test::contains("states " + stated + " frames, but 2 lines follow; all of them are read"));
     }
     write_file(folder / "a.bvh", small_file().substr(0, small_file().find("0 0 0 0 0 0 0 0 0")));
     test::check_throws<IoError>([&] { (void)load_bvh(folder / "a.bvh"); }, {"states 2 frames, but 0 lines follow"});
@@ -272,7 +272,7 @@ TEST_CASE("a frame time of zero is 1/30 s, one above a second is warned about") 
         std::vector<std::string> warnings;
         CHECK(load_bvh(folder / "a.bvh", {}, &warnings).timestamps[1] == step);
         REQUIRE(warnings.size() == 1);
-        CHECK(warnings[0].find(word) != std::string::npos);
+        CHECK(warnings[0] == test::contains(word));
     }
 }
 

@@ -4,6 +4,7 @@
 #include "io/damage.hpp"
 #include "io/gltf_files.hpp"
 #include "io/temporary.hpp"
+#include "support/contains.hpp"
 #include "support/retarget_check.hpp"
 #include "support/sample_rig.hpp"
 #include "support/skeleton_body.hpp"
@@ -155,12 +156,12 @@ TEST_CASE("the rate that the caller states changes key frames that are even, and
     const RigMotion even = load_gltf_motion(folder / "a.glb", {}, &warnings, {}, {60, 0});
     CHECK(even.timestamps[3] == doctest::Approx(3 / 60.0));
     REQUIRE(warnings.size() == 1);
-    CHECK(warnings[0].find("30 frames per second, but --input-fps states 60") != std::string::npos);
+    CHECK(warnings[0] == test::contains("30 frames per second, but --input-fps states 60"));
     warnings.clear();
     write_file(folder / "b.glb", test::gltf_of(test::sample_rig({.frames = 3}), {.step = 1}).glb());
     CHECK(load_gltf_motion(folder / "b.glb", {}, &warnings, {}, {60, 0}).timestamps.back() == doctest::Approx(2.5));
     REQUIRE(warnings.size() == 1);
-    CHECK(warnings[0].find("not applied") != std::string::npos);
+    CHECK(warnings[0] == test::contains("not applied"));
 }
 
 TEST_CASE("interpolation: sparse keys give 30 frames a second; steps stay, splines are smooth") {
@@ -239,7 +240,7 @@ TEST_CASE("normalised integers, several animations, other units") {
     std::vector<std::string> warnings;
     const RigMotion rig = load_gltf_motion(folder / "a.glb", {}, &warnings);
     REQUIRE(warnings.size() == 1);
-    CHECK(warnings[0].find("2 animations (walk, run); 'walk' is read") != std::string::npos);
+    CHECK(warnings[0] == test::contains("2 animations (walk, run); 'walk' is read"));
     int head = 0; // the sample's joint 5 has sampler 6, because the root has two
     while (rig.names[static_cast<std::size_t>(head)] != "mixamorig:Head") ++head;
     const auto local = transpose(rig.rotation(2, rig.parents[static_cast<std::size_t>(head)])) * rig.rotation(2, head);
@@ -262,7 +263,7 @@ TEST_CASE("normalised integers, several animations, other units") {
     warnings.clear();
     CHECK(load_gltf_motion(folder / "b.glb", {}, &warnings).rest_joints[0].y == doctest::Approx(0.96));
     REQUIRE(warnings.size() == 1);
-    CHECK(warnings[0].find("centimetres") != std::string::npos);
+    CHECK(warnings[0] == test::contains("centimetres"));
 }
 
 TEST_CASE("damaged files are refused with the place and what was found") {

@@ -4,6 +4,7 @@
 #include "io/npz_files.hpp"
 #include "io/small_body.hpp"
 #include "io/temporary.hpp"
+#include "support/contains.hpp"
 
 #include <functional>
 #include <limits>
@@ -230,7 +231,7 @@ TEST_CASE("PCA coefficients become hand poses") {
         CHECK(without.pose_at(1)[25] == vec3<double>(0));
         CHECK(without.pose_at(1)[21] == motion.pose_at(1)[21]);
         CHECK(warnings.size() == (zero ? 0u : 1u));
-        if (!zero) CHECK(warnings[0].find("left_hand_pose holds 2 principal components") != std::string::npos);
+        if (!zero) CHECK(warnings[0] == test::contains("left_hand_pose holds 2 principal components"));
     }
 }
 
@@ -248,7 +249,7 @@ TEST_CASE("parts that are missing, left over or odd are warned of") {
         REQUIRE(warnings.size() == 1);
         INFO(warnings[0]);
         CHECK(warnings[0].find(path.string()) == 0);
-        CHECK(warnings[0].find(word) != std::string::npos);
+        CHECK(warnings[0] == test::contains(word));
         (void)load_motion(path, model);
     };
     expect([](MotionArrays& p) { p.arrays.erase("jaw_pose"); }, "jaw_pose is missing");
@@ -284,8 +285,8 @@ TEST_CASE("a mean hand forgotten or added twice is warned of") {
     using Hands = MotionFileOptions::Hands;
     CHECK(warnings_with(0, Hands::add_mean).empty());
     CHECK(warnings_with(1, Hands::flat).empty());
-    CHECK(warnings_with(1, Hands::add_mean).find("added twice") != std::string::npos);
-    CHECK(warnings_with(0, Hands::flat).find("left out") != std::string::npos);
+    CHECK(warnings_with(1, Hands::add_mean) == test::contains("added twice"));
+    CHECK(warnings_with(0, Hands::flat) == test::contains("left out"));
 }
 
 TEST_CASE("bad motion files name the file and the key") {

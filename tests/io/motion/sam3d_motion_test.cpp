@@ -2,6 +2,7 @@
 /// @file  SAM 3D Body: predictions in the camera's axes, with the rig's rest pose.
 
 #include "io/temporary.hpp"
+#include "support/contains.hpp"
 #include "support/retarget_check.hpp"
 #include "support/skeleton_body.hpp"
 
@@ -120,8 +121,8 @@ TEST_CASE("refined hands with the rotations from before: fingers point where the
         test::compare(sample, "ZXY", o, motion, test::skeleton_body(), joint_names_of(test::skeleton_body()));
     CHECK(errors.limbs < 1e-4); // with hands and fingers
     REQUIRE(!warnings.empty());
-    CHECK(warnings[0].find("fingers point") != std::string::npos);
-    CHECK(warnings[0].find("the positions of pred_joint_coords are taken") != std::string::npos);
+    CHECK(warnings[0] == test::contains("fingers point"));
+    CHECK(warnings[0] == test::contains("the positions of pred_joint_coords are taken"));
 
     warnings.clear();
     arrays_of(sample).save(folder / "agreeing.npz");
@@ -165,5 +166,5 @@ TEST_CASE("missing arrays, other shapes and rest poses of another rig are refuse
     std::vector<std::string> warnings;
     CHECK(load_sam3d_motion(folder / "a.npz", {}, &warnings).timestamps[1] == doctest::Approx(1 / 30.0));
     REQUIRE(warnings.size() == 1);
-    CHECK(warnings[0].find("states no frame rate, 30") != std::string::npos);
+    CHECK(warnings[0] == test::contains("states no frame rate, 30"));
 }

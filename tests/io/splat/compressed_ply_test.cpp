@@ -5,6 +5,7 @@
 #include "io/damage.hpp"
 #include "io/splat_clouds.hpp"
 #include "io/temporary.hpp"
+#include "support/contains.hpp"
 
 #include <algorithm>
 #include <cstddef>
@@ -48,7 +49,7 @@ TEST_CASE("the file has the layout of splat-transform") {
     const std::string bytes = read_file(folder / "a.ply");
     for (const char* line : {"element chunk 2\nproperty float min_x\n", "property float max_b\nelement vertex 300\n",
                              "property uint packed_color\nelement sh 300\nproperty uchar f_rest_0\n"})
-        CHECK(bytes.find(line) != std::string::npos);
+        CHECK(bytes == test::contains(line));
     const std::size_t begin = bytes.find("end_header\n") + 11;
     CHECK(bytes.size() == begin + 2 * 72 + 300 * 16 + 300 * 9);
     float low_x = 0;

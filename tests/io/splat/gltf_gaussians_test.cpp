@@ -5,6 +5,7 @@
 #include "io/splat_clouds.hpp"
 #include "io/splat_document.hpp"
 #include "io/temporary.hpp"
+#include "support/contains.hpp"
 
 #include <gsh/io/splat/any_splats.hpp>
 #include <gsh/io/splat/gltf_splats.hpp>
@@ -111,8 +112,8 @@ TEST_CASE("extensions inside that are not known are notes") {
     const StillSplats other = written(kernel, folder);
     test::check_near(other.cloud, cloud, near);
     REQUIRE(other.warnings.size() == 2);
-    CHECK(other.warnings[0].find("a.glb: mesh 0: kernel is 'box', which is not known") != std::string::npos);
-    CHECK(other.warnings[1].find("projection is 'fisheye'") != std::string::npos);
+    CHECK(other.warnings[0] == test::contains("a.glb: mesh 0: kernel is 'box', which is not known"));
+    CHECK(other.warnings[1] == test::contains("projection is 'fisheye'"));
 }
 
 TEST_CASE("negative scales are the logarithms of an earlier draft, in all primitives of the file") {
@@ -132,8 +133,7 @@ TEST_CASE("negative scales are the logarithms of an earlier draft, in all primit
         CHECK(splats.cloud.log_scales[20 + i] == vec3<float>(0.25f));
     }
     REQUIRE(splats.warnings.size() == 1);
-    CHECK(splats.warnings[0].find("has negative scales, so all of its scales are read as logarithms") !=
-          std::string::npos);
+    CHECK(splats.warnings[0] == test::contains("has negative scales, so all of its scales are read as logarithms"));
 }
 
 TEST_CASE("colours in linear light are converted, and the warning says so") {
@@ -152,7 +152,7 @@ TEST_CASE("colours in linear light are converted, and the warning says so") {
     CHECK(color(1, 2) == doctest::Approx(1).epsilon(1e-5));
     CHECK(std::abs(color(2, 0)) < 1e-5);
     REQUIRE(splats.warnings.size() == 1);
-    CHECK(splats.warnings[0].find("a.glb: colours are in linear light (lin_rec709_display)") != std::string::npos);
+    CHECK(splats.warnings[0] == test::contains("a.glb: colours are in linear light (lin_rec709_display)"));
 }
 
 TEST_CASE("instances: each places the node's Gaussians") {

@@ -4,6 +4,7 @@
 #include "io/comma_locale.hpp"
 #include "io/damage.hpp"
 #include "io/temporary.hpp"
+#include "support/contains.hpp"
 #include "support/gradient.hpp"
 
 #include <algorithm>
@@ -104,7 +105,7 @@ TEST_CASE("the file has the reference code's layout") {
     const std::size_t begin = bytes.find("end_header\n") + 11;
     CHECK(bytes.starts_with(
         "ply\nformat binary_little_endian 1.0\ncomment written by gsh "));
-    CHECK(bytes.find("\nelement vertex 2\nproperty float x\nproperty float y\n") != std::string::npos);
+    CHECK(bytes == test::contains("\nelement vertex 2\nproperty float x\nproperty float y\n"));
     CHECK(bytes.size() == begin + 2 * 62 * 4);
     float second[62];
     std::memcpy(second, bytes.data() + begin + 62 * 4, sizeof second);
@@ -298,7 +299,7 @@ TEST_CASE("the header states vertical and filter, and the reader heeds them") {
     const std::string text = read_file(path);
     for (const char* line : {"comment gsh.up -y\n", "comment gsh.filter dilation 0.1 compensated\n",
                              "comment antialiased 1\n"})
-        CHECK(text.find(line) != std::string::npos);
+        CHECK(text == test::contains(line));
     const StillSplats splats = read_ply_splats(path);
     check_equal(splats.cloud, cloud);
     CHECK(splats.notes.up == UpAxis::minus_y);
@@ -507,13 +508,13 @@ TEST_CASE("what is no cloud of 3D Gaussians is named") {
     };
     auto list = columns();
     list.erase(list.begin() + 9);
-    CHECK(message(list).find("2D Gaussians (2DGS)") != std::string::npos);
+    CHECK(message(list) == test::contains("2D Gaussians (2DGS)"));
     list = columns();
     list.erase(list.begin() + 8, list.end());
     list.erase(list.begin() + 6);
-    CHECK(message(list).find("point cloud") == std::string::npos); // it has scale_0
+    CHECK(message(list) != test::contains("point cloud")); // it has scale_0
     list.resize(3);
-    CHECK(message(list).find("point cloud?") != std::string::npos);
+    CHECK(message(list) == test::contains("point cloud?"));
 }
 
 TEST_CASE("the 3D filter of Mip-Splatting becomes part of scales and opacities") {
@@ -553,7 +554,7 @@ TEST_CASE("positions that a float holds only roughly are told with the greatest 
     const StillSplats splats = read_ply_splats(path);
     REQUIRE(splats.warnings.size() == 1);
     CHECK(splats.warnings[0].starts_with(path.string() + ": positions of 1 of 2 Gaussians"));
-    CHECK(splats.warnings[0].find("by up to 0.2 units") != std::string::npos);
+    CHECK(splats.warnings[0] == test::contains("by up to 0.2 units"));
     list[0].value = 45.123456789;
     write_file(path, header(list, "1") + row(list));
     CHECK(read_ply_splats(path).warnings.empty());

@@ -2,6 +2,7 @@
 /// @file  The course of a training on a GPU: checkpoints of either backend, signals, too little memory, a GPU that
 ///        fails, and what is refused.
 #include "programs/cuda/on_cuda.hpp"
+#include "support/contains.hpp"
 
 #include <gsh/io/file/atomic_file.hpp>
 
@@ -58,7 +59,7 @@ TEST_CASE("a signal in the middle loses nothing, whether steps are queued or eac
         process.send(SIGINT);
         const test::Outcome outcome = process.wait();
         CHECK(outcome.code == 130);
-        CHECK(outcome.err.find("--resume continues from there") != std::string::npos);
+        CHECK(outcome.err == test::contains("--resume continues from there"));
         CHECK(test::files_below(parts) == 1); // the checkpoint
         check_done(run(reconstruction(parts, words + Words{"--resume"})));
         for (const char* file : {"avatar.gsh", "avatar.ply", "test/test00_0001.png"})
@@ -85,7 +86,7 @@ TEST_CASE("--max-memory is a limit on the GPU's memory; photographs beyond it co
         const test::Outcome fewer = limited(bytes);
         INFO(fewer.err);
         CHECK(fewer.code == 0);
-        CHECK(fewer.err.find("instead of 1500 Gaussians") != std::string::npos);
+        CHECK(fewer.err == test::contains("instead of 1500 Gaussians"));
     }
     const auto metrics = json_of(folder / "out/metrics.json");
     test::check_says_cuda(metrics);
@@ -139,8 +140,8 @@ TEST_CASE("a GPU that fails ends the program with one line; an earlier checkpoin
                      on_cuda));
         INFO(outcome.err);
         CHECK(outcome.code == 2);
-        CHECK(outcome.err.find("gsh-reconstruct: ") != std::string::npos);
-        CHECK(outcome.err.find("cudaErrorLaunchFailure") != std::string::npos);
+        CHECK(outcome.err == test::contains("gsh-reconstruct: "));
+        CHECK(outcome.err == test::contains("cudaErrorLaunchFailure"));
         (outcome.err.find("is complete; the run can be resumed from it") != std::string::npos ? kept : lost) = true;
         CHECK(read_file(out / "avatar.gsh") == avatar);
     }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 /// @file  gsh-evaluate on a GPU: tables and pictures are those of the CPU's threads.
 #include "programs/cuda/on_cuda.hpp"
+#include "support/contains.hpp"
 
 #include <gsh/io/file/atomic_file.hpp>
 
@@ -46,7 +47,7 @@ TEST_CASE("avatars and a scene, judged in the middle and at the end, with refine
         for (const char* key : {"gaussians", "lookups", "entries", "touched_entries", "ao_touched_entries"})
             CHECK(found.value(key, 0) == expected.value(key, 0));
         CHECK(found.at("ms_per_step") > 0.0);
-        CHECK(read_file(out / "tables.md").find(found.at("device").get<std::string>()) != std::string::npos);
+        CHECK(read_file(out / "tables.md") == test::contains(found.at("device").get<std::string>()));
     }
     // The pictures of each run: render, error, crops.
     std::vector<fs::path> runs;
@@ -69,5 +70,5 @@ TEST_CASE("avatars and a scene, judged in the middle and at the end, with refine
     CHECK(compared == 3);
     const test::Outcome again = evaluate(on_cuda);
     check_done(again);
-    CHECK(again.out.find("cuda: is finished already") != std::string::npos);
+    CHECK(again.out == test::contains("cuda: is finished already"));
 }

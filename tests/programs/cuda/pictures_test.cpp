@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 /// @file  gsh-render and gsh-animate on a GPU: pictures are those of the CPU's threads.
 #include "programs/cuda/on_cuda.hpp"
+#include "support/contains.hpp"
 
 #include <gsh/io/motion/motion_file.hpp>
 
@@ -74,7 +75,7 @@ TEST_CASE("frames of several people in their motions") {
     const fs::path cuda = s.folder / "cuda", threads = s.folder / "threads";
     const test::Outcome outcome = run(words + Words{"--out", cuda.string()} + on_cuda);
     check_done(outcome);
-    CHECK(outcome.out.find("3 of 3 frames") != std::string::npos);
+    CHECK(outcome.out == test::contains("3 of 3 frames"));
     check_done(run(words + Words{"--out", threads.string()}));
     for (const char* frame : {"0000.png", "0001.png", "0002.png"})
         CHECK(test::decibels(read_image(cuda / frame), read_image(threads / frame)) >= 60);

@@ -2,6 +2,7 @@
 /// @file  gsh-reconstruct on a GPU in its configurations: results are those of the CPU's threads, within the roundings
 ///        of a few steps.
 #include "programs/cuda/on_cuda.hpp"
+#include "support/contains.hpp"
 
 #include <gsh/io/motion/motion_file.hpp>
 #include <gsh/train/configuration.hpp>
@@ -31,8 +32,8 @@ TEST_CASE("each configuration") {
         CHECK(metrics.at("peak_memory_bytes") > 10'000'000);
         CHECK(metrics.at("device_peak_memory_bytes") > 1'000'000);
         const std::string page = read_file(folder / "cuda/report.html");
-        CHECK(page.find("<th>Backend</th><td>cuda") != std::string::npos);
-        CHECK(page.find(metrics.at("device").get<std::string>()) != std::string::npos);
+        CHECK(page == test::contains("<th>Backend</th><td>cuda"));
+        CHECK(page == test::contains(metrics.at("device").get<std::string>()));
     }
 }
 
@@ -97,8 +98,7 @@ TEST_CASE("people before plates") {
     for (const Words& more : {Words{"--config", "paper"}, Words{"--config", "light", "--set", "unknown_band=0.05"}}) {
         CAPTURE(more[1]);
         check_reconstruction(folder / "", more, folder / "capture");
-        CHECK(json_of(folder / "cuda/metrics.json").at("protocol").get<std::string>().find("backgrounds") !=
-              std::string::npos);
+        CHECK(json_of(folder / "cuda/metrics.json").at("protocol").get<std::string>() == test::contains("backgrounds"));
         // A column at the edge, without a person, is the plate.
         const PixelImage picture = read_image(folder / "cuda/test/test00_0000.png");
         for (int y = 0; y < 64; ++y)

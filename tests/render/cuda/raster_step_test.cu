@@ -7,6 +7,7 @@
 #include <doctest/doctest.h>
 
 #include "render/cuda/raster_device.hpp"
+#include "support/contains.hpp"
 #include "support/cuda_device.hpp"
 #include "support/raster_scene.hpp"
 #include "support/reference_rasterizer.hpp"
@@ -193,12 +194,13 @@ TEST_CASE("Gaussians that are not finite and too many pairs are refused, and the
                 if (member == 2) scene.opacities[i] = value;
                 if (member == 3) scene.colors[i].z = value;
             }
-            CHECK(message(scene).find("Gaussian 140 has a mean, covariance, opacity or color that is not finite (3 "
-                                      "such") != std::string::npos);
+            CHECK(message(scene) ==
+                  test::contains("Gaussian 140 has a mean, covariance, opacity or color that is not finite (3 "
+                                 "such"));
         }
     RasterParams<double> few;
     few.max_pairs = 3;
-    CHECK(message(good, few).find("tiles in all, expected at most 3") != std::string::npos);
+    CHECK(message(good, few) == test::contains("tiles in all, expected at most 3"));
 }
 
 TEST_CASE("In a recorded step the host does not wait, and what cannot be drawn halts the device") {
@@ -270,7 +272,7 @@ TEST_CASE("In a recorded step the host does not wait, and what cannot be drawn h
     const auto capacity = cache.scratch.capacity();
     graph.run(step);
     CHECK(halted());
-    CHECK(message().find("the buffers of the recorded step hold " + std::to_string(capacity)) != std::string::npos);
+    CHECK(message() == test::contains("the buffers of the recorded step hold " + std::to_string(capacity)));
     CHECK(cache.scratch.capacity() == capacity);
     CHECK(graph.counts().captures == 1);
     for (const auto& v : raster::from_backend(device, m.gradient.means)) CHECK(v == vec3<float>(0)); // nothing is added
@@ -281,7 +283,7 @@ TEST_CASE("In a recorded step the host does not wait, and what cannot be drawn h
     device.resume();
     graph.run(step);
     CHECK(halted());
-    CHECK(message().find("Gaussian 17 has") != std::string::npos);
+    CHECK(message() == test::contains("Gaussian 17 has"));
 
     upload(scene);
     device.resume();
@@ -293,7 +295,7 @@ TEST_CASE("In a recorded step the host does not wait, and what cannot be drawn h
     graph.run(step);
     CHECK(halted());
     step();
-    CHECK(message().find("the device has halted in an earlier pass") != std::string::npos);
+    CHECK(message() == test::contains("the device has halted in an earlier pass"));
     device.resume();
     const auto of_larger = results();
     graph.run(step);

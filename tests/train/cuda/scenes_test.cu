@@ -67,9 +67,8 @@ TEST_CASE("a step is one graph that waits for nothing, also in a light, with ref
     const SmallScene scene;
     SmallTraining<Device> training(
         scene, [] { return Device(); }, 3, {.ao = AmbientOcclusion::pose},
-        with_photo_memory(scene.photos[0].rgba.size())); // the other photographs are brought
-    training.model.set_light(training.rig, std::make_shared<LearnedLight<Device>>(training.backend,
-                                                                                  even_light(2, 3, {0, 0.8, 0}, 3)));
+        with_photo_memory(scene.photos[0].rgba.size()), {}, // the other photographs are brought
+        even_light(2, 3, {0, 0.8, 0}, 3));
     MotionRefinement<Device> refinement(training.backend, training.rig, scene.motion, scene.cameras, everything());
     training.people.refine(refinement);
     const std::size_t epoch = scene.photos.size();

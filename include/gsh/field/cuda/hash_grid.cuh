@@ -10,12 +10,12 @@
 #include <gsh/backend/cuda/kernel.cuh>
 #include <gsh/core/span.hpp>
 #include <gsh/field/cuda/half_row.cuh>
-#include <gsh/field/cuda/hash_lists.cuh>
 #include <gsh/field/cuda/hash_rows.cuh>
 #include <gsh/field/cuda/row.cuh>
 #include <gsh/field/features.hpp>
 #include <gsh/field/hash_grid.hpp>
 #include <gsh/field/hash_level.hpp>
+#include <gsh/field/hash_lists.hpp>
 #include <gsh/math/vec.hpp>
 
 #include <concepts>
@@ -26,15 +26,15 @@
 
 namespace gsh {
 
-/// The lists of hash_lists.cuh on the device, and working storage of backward: with 16 levels 300 to 600 bytes per
+/// The lists of hash_lists.hpp on the device, and working storage of backward: with 16 levels 300 to 600 bytes per
 /// point.
 template <std::floating_point T>
 struct HashScratch<cuda::Device, T> {
     template <class V>
     using Buffer = cuda::Device::Buffer<V>;
     Buffer<std::uint32_t> points, segments, entries, item_begin;
-    Buffer<cuda::detail::HashItem<T>> items;
-    Buffer<cuda::detail::HashTask> sum_tasks, gather_tasks;
+    Buffer<detail::HashItem<T>> items;
+    Buffer<detail::HashTask> sum_tasks, gather_tasks;
     // Passes of one device follow each other, so they may share these:
     mutable Buffer<T> sums;              ///< [S, 8, Features]
     mutable Buffer<std::uint32_t> table; ///< mixed precision: [entry_count, Features / 2], of touched entries alone
@@ -43,6 +43,8 @@ struct HashScratch<cuda::Device, T> {
 namespace cuda {
 
 namespace detail {
+
+using gsh::detail::HashItem, gsh::detail::HashLists, gsh::detail::HashTask;
 
 template <class T>
 struct SplitPoint {
@@ -221,12 +223,6 @@ struct HashGather {
     }
 };
 
-template <class V>
-void upload_all(Device& device, const std::vector<V>& from, Device::Buffer<V>& to) {
-    to.resize(from.size());
-    device.upload(Span<const V>(from), Span<V>(to));
-}
-
 } // namespace detail
 
 /// The lists are made on the host: this is set-up, and waits. 170,000 points take about half a second.
@@ -248,15 +244,15 @@ void hash_prepare(Device& device, const Grid& grid, Span<const vec3<T>> points, 
 
     query.touched_begin = lists.touched_begin;
     query.lookups = lists.lookups;
-    detail::upload_all(device, lists.touched, query.touched);
+    assign(device, lists.touched, query.touched);
     HashScratch<Device, T>& scratch = query.scratch;
-    detail::upload_all(device, lists.points, scratch.points);
-    detail::upload_all(device, lists.segments, scratch.segments);
-    detail::upload_all(device, lists.sum_tasks, scratch.sum_tasks);
-    detail::upload_all(device, lists.entries, scratch.entries);
-    detail::upload_all(device, lists.item_begin, scratch.item_begin);
-    detail::upload_all(device, lists.items, scratch.items);
-    detail::upload_all(device, lists.gather_tasks, scratch.gather_tasks);
+    assign(device, lists.points, scratch.points);
+    assign(device, lists.segments, scratch.segments);
+    assign(device, lists.sum_tasks, scratch.sum_tasks);
+    assign(device, lists.entries, scratch.entries);
+    assign(device, lists.item_begin, scratch.item_begin);
+    assign(device, lists.items, scratch.items);
+    assign(device, lists.gather_tasks, scratch.gather_tasks);
     scratch.sums.resize((lists.segments.size() - 1) * 8 * Grid::feature_count);
 }
 

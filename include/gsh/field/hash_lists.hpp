@@ -23,7 +23,7 @@
 #include <unordered_map>
 #include <vector>
 
-namespace gsh::cuda::detail {
+namespace gsh::detail {
 
 /// A contribution to an entry: weight times a row, which is the gradient of a point or a sum of a cell.
 template <class T>
@@ -185,4 +185,4 @@ private:
     }
 };
 
-} // namespace gsh::cuda::detail
+} // namespace gsh::detail

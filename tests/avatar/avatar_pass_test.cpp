@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <gsh/avatar/poser.hpp>
-#include <gsh/cpu.hpp>
+#include <gsh/avatar/avatar_pass.hpp>
 #include <gsh/body/surface_samples.hpp>
+#include <gsh/cpu.hpp>
 
 #include "support/bodies.hpp"
 #include "support/gradient.hpp"
@@ -23,8 +23,8 @@ struct PosedTube {
     BodyModel body = test::tube(4, 6, 6);
     SurfaceSamples samples = sample_surface(body, body.v_template, std::vector<double>(body.vertex_count(), 0.6), 3);
     RigData data = make_rig(body, std::vector<double>(2, 0.0), samples);
-    Poser<B, double> poser;
-    typename Poser<B, double>::Cache cache;
+    AvatarPass<B, double> pass;
+    typename AvatarPass<B, double>::Cache cache;
     RigPose<B, double> pose;
     std::vector<vec3<double>> means = samples.positions, log_scales, sh, joints = data.joints;
     std::vector<quat<double>> quats;
@@ -38,9 +38,9 @@ struct PosedTube {
     std::vector<double> dL_dopacity_logits, dL_dao, dL_dcoefficients;
 
     explicit PosedTube(Deformation deformation = Deformation::linear, B where = B())
-        : backend(std::move(where)), poser(backend, data, {.deformation = deformation}) {
+        : backend(std::move(where)), pass(backend, data, {.deformation = deformation}) {
         test::Rng rng(9);
-        const std::size_t N = poser.size();
+        const std::size_t N = pass.size();
         for (std::size_t i = 0; i < N; ++i) {
             log_scales.push_back(rng.vec(-3, -2));
             quats.push_back(rng.quat());
@@ -54,7 +54,7 @@ struct PosedTube {
         motion.expression = {0.7, -0.5};
         motion.betas = {0.1, 0.3};
         motion.transl = {rng.vec(-0.1, 0.1)};
-        poser.rig().upload_pose(motion, 0, pose);
+        pass.rig().upload_pose(motion, 0, pose);
         splats.resize(N), weights.resize(N);
         fill_zero(backend, weights.view());
         for (std::size_t i = 0; i < N; ++i) {
@@ -65,7 +65,7 @@ struct PosedTube {
         dL_dquats.assign(N, {0, 0, 0, 0}), dL_dopacity_logits.assign(N, 0), dL_dao.assign(N, 0);
         dL_djoints.assign(4, vec3<double>(0)), dL_dpose.assign(4, vec3<double>(0));
         dL_dtransl.assign(1, vec3<double>(0)), dL_dcenter.assign(1, vec3<double>(0));
-        dL_dcoefficients.assign(poser.rig().coefficient_count(), 0);
+        dL_dcoefficients.assign(pass.rig().coefficient_count(), 0);
     }
     [[nodiscard]] SkinnedView<const double> gaussians() const {
         return {.quats = quats,
@@ -76,14 +76,15 @@ struct PosedTube {
                 .sh_stride = 4};
     }
     void forward() {
-        poser.bones(pose, joints, cache);
-        backend.copy(Span<const vec3<double>>(means), Span<vec3<double>>(cache.means));
-        poser.template forward<1>(gaussians(), center, splats.view(), cache);
+        pass.move(pose, joints, cache);
+        const auto displace = [&](Span<vec3<double>> to) { backend.copy(Span<const vec3<double>>(means), to); };
+        pass.template forward<1>(
+            gaussians(), displace, [&] { return Span<const double>(ao); }, center, splats.view(), cache);
     }
     double loss() {
         forward();
         double sum = 0;
-        for (std::size_t i = 0; i < poser.size(); ++i) {
+        for (std::size_t i = 0; i < pass.size(); ++i) {
             sum += dot(splats.means[i], weights.means[i]) + dot(splats.colors[i], weights.colors[i]) +
                    splats.opacities[i] * weights.opacities[i];
             const auto a = test::scalars(splats.covariances[i]), b = test::scalars(weights.covariances[i]);
@@ -93,17 +94,22 @@ struct PosedTube {
     }
     void backward(bool with_joints = true) {
         forward();
-        poser.template backward<1>(gaussians(), center, std::as_const(weights).view(), cache,
-                                   {.quats = dL_dquats,
-                                    .log_scales = dL_dlog_scales,
-                                    .opacity_logits = dL_dopacity_logits,
-                                    .sh = dL_dsh,
-                                    .ao = dL_dao,
-                                    .sh_stride = 4},
-                                   dL_dcenter);
-        poser.bones_backward(pose, cache, with_joints ? Span<vec3<double>>(dL_djoints) : Span<vec3<double>>(),
-                             {dL_dpose, dL_dcoefficients, dL_dtransl});
-        dL_dmeans.assign(cache.dL_dmeans.begin(), cache.dL_dmeans.end());
+        const AvatarGradient<double> dL_dall{.gaussians = {.quats = dL_dquats,
+                                                           .log_scales = dL_dlog_scales,
+                                                           .opacity_logits = dL_dopacity_logits,
+                                                           .sh = dL_dsh,
+                                                           .ao = dL_dao,
+                                                           .sh_stride = 4},
+                                             .joints =
+                                                 with_joints ? Span<vec3<double>>(dL_djoints) : Span<vec3<double>>(),
+                                             .pose = {dL_dpose, dL_dcoefficients, dL_dtransl},
+                                             .center = dL_dcenter};
+        bool went_on = false;
+        const auto displaced = [&](Span<vec3<double>> of_means) { dL_dmeans.assign(of_means.begin(), of_means.end()); };
+        pass.template backward<1>(
+            pose, gaussians(), displaced, [&] { went_on = true; }, center, std::as_const(weights).view(), cache,
+            dL_dall);
+        CHECK(went_on);
     }
     /// All gradients that a pass adds to, number after number.
     std::vector<double> gradients() {
@@ -164,9 +170,9 @@ TEST_CASE("where the joints' gradient is not asked for, the others are what they
 
 TEST_CASE("the identity pose moves nothing") {
     PosedTube<cpu::Serial> tube;
-    tube.poser.rig().upload_pose(rest_motion(tube.data), 0, tube.pose);
+    tube.pass.rig().upload_pose(rest_motion(tube.data), 0, tube.pose);
     tube.forward();
-    for (std::size_t i = 0; i < tube.poser.size(); ++i) CHECK(length(tube.splats.means[i] - tube.means[i]) < 1e-12);
+    for (std::size_t i = 0; i < tube.pass.size(); ++i) CHECK(length(tube.splats.means[i] - tube.means[i]) < 1e-12);
 }
 
 TEST_CASE("posing is the same on threads bit for bit") {
@@ -177,7 +183,7 @@ TEST_CASE("posing is the same on threads bit for bit") {
         threaded.backward();
         CHECK(threaded.gradients() == serial.gradients());
         CHECK(threaded.dL_dmeans == serial.dL_dmeans);
-        for (std::size_t i = 0; i < serial.poser.size(); ++i) {
+        for (std::size_t i = 0; i < serial.pass.size(); ++i) {
             CHECK(threaded.splats.means[i] == serial.splats.means[i]);
             CHECK(threaded.splats.colors[i] == serial.splats.colors[i]);
             CHECK(threaded.splats.opacities[i] == serial.splats.opacities[i]);
