@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 /// @file  Checks the include lines of include/gsh against the floor plan in docs/architecture.md.
 
+#include "house/source_lines.hpp"
+
 #include <doctest/doctest.h>
 
 #include <algorithm>
@@ -17,15 +19,9 @@
 #include <vector>
 
 namespace fs = std::filesystem;
+using namespace gsh::test;
 
 namespace {
-
-std::vector<std::string> lines_of(const fs::path& path) {
-    std::vector<std::string> lines;
-    std::ifstream file(path);
-    for (std::string line; std::getline(file, line);) lines.push_back(line);
-    return lines;
-}
 
 std::ptrdiff_t characters(const std::string& line) { // UTF-8
     return std::ranges::count_if(line, [](char c) { return (c & 0xC0) != 0x80; });
@@ -76,12 +72,6 @@ const std::map<std::string, std::set<std::string>, std::less<>> opt_in_libraries
     {"benchmark/", {}},     {"doctest/", {}},       {"tiny_gltf.h", {"io"}},
 };
 
-struct Include {
-    std::string path; ///< as written between the brackets
-    int line;
-    bool quoted;
-};
-
 struct Header {
     std::string path; ///< relative to include/gsh: "math/sh.hpp"
     std::vector<std::string> lines;
@@ -94,24 +84,6 @@ struct Header {
     }
     std::string at(int line) const { return "include/gsh/" + path + ":" + std::to_string(line) + ": "; }
 };
-
-std::vector<Include> includes_of(const std::vector<std::string>& lines) {
-    std::vector<Include> includes;
-    for (std::size_t i = 0; i < lines.size(); ++i) {
-        std::string_view text = lines[i];
-        const auto skip_blanks = [&] { text.remove_prefix(std::min(text.find_first_not_of(" \t"), text.size())); };
-        skip_blanks();
-        if (!text.starts_with('#')) continue;
-        text.remove_prefix(1);
-        skip_blanks();
-        if (!text.starts_with("include")) continue;
-        const auto open = text.find_first_of("<\""), close = text.find_last_of(">\"");
-        if (open == std::string_view::npos || close <= open) continue;
-        includes.push_back({std::string(text.substr(open + 1, close - open - 1)), static_cast<int>(i) + 1,
-                            text[open] == '"'});
-    }
-    return includes;
-}
 
 const std::vector<Header>& headers() {
     static const std::vector<Header> all = [] {
