@@ -23,7 +23,7 @@ const SplatFormatTraits& row_of(const FormatTraits& traits) {
 
 StillWriter::StillWriter(const ExportOptions& options, const FormatTraits& traits, std::optional<PixelFilter> filter)
     : row_(row_of(traits)), up_(up_axis_called(options.up.value_or(""))), filter_(filter),
-      version_(options.spz_version) {}
+      version_(options.spz_version.value_or(0)) {}
 
 void StillWriter::write(const std::filesystem::path& path, const GaussianCloud<float>& cloud) {
     losses_ += save_splats(path, cloud, {.up = up_, .filter = filter_, .version = version_});

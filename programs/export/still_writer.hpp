@@ -29,7 +29,7 @@ private:
     const SplatFormatTraits& row_;
     std::optional<UpAxis> up_;
     std::optional<PixelFilter> filter_;
-    std::optional<int> version_;
+    int version_;
     SplatLosses losses_;
     std::size_t coefficients_ = 0; ///< above the constant ones
 };

@@ -81,8 +81,9 @@ inline SplatLosses save_splats(const std::filesystem::path& path, const Gaussian
     if (!options.up) options.up = row->is_y_down ? UpAxis::minus_y : UpAxis::y;
     check_value(row->is_y_down || options.up == UpAxis::y, path.string(),
                 "has y up; another vertical is for " + splat_endings(SplatEndings::y_down, " and "));
-    check_value(!options.version || std::ranges::count(row->versions, *options.version) > 0, path.string(),
-                std::string(row->name) + " is not written in version " + std::to_string(options.version.value_or(0)));
+    if (options.version == 0) options.version = row->versions[0];
+    check_value(std::ranges::count(row->versions, options.version) > 0, path.string(),
+                std::string(row->name) + " is not written in version " + std::to_string(options.version));
     SplatLosses losses = row->write(path, with_bands_up_to(cloud, row->sh_degree), options);
     if (cloud.sh_degree > row->sh_degree) losses.dropped_degree = cloud.sh_degree;
     return losses;

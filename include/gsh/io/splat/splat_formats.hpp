@@ -33,7 +33,7 @@ enum class SplatFormat { ply, compressed_ply, spz, splat, glb, usda }; ///< glb:
 struct SplatFileOptions {
     std::optional<UpAxis> up = {};          ///< of the file's numbers; none: the custom of the format
     std::optional<PixelFilter> filter = {}; ///< that the Gaussians were trained with
-    std::optional<int> version = {};        ///< of a format that has several; none: the one that most programs read
+    int version = 0;                        ///< of a format that has several; 0: the usual one
 };
 
 /// The ranges beyond which numbers are clamped, as messages say them. Formats that store floats need none.
@@ -64,7 +64,7 @@ struct SplatFormatTraits {
     Order order = nullptr;            ///< of Gaussians that suits the format best; none: their own
     SplatLimits limits = {};
     Reader read = nullptr;
-    Writer write = nullptr; ///< for a cloud of sh_degree at most, with y up; options.up is given
+    Writer write = nullptr; ///< for a cloud with y up, of sh_degree at most; the options are complete
 
     /// True if files with these first bytes may be of this format.
     [[nodiscard]] constexpr bool begins_with(std::string_view bytes) const {
@@ -98,7 +98,7 @@ inline SplatLosses save_compressed_ply(const std::filesystem::path& path, const 
 }
 inline SplatLosses save_spz(const std::filesystem::path& path, const GaussianCloud<float>& cloud,
                             const SplatFileOptions& o) {
-    return write_spz(path, cloud, {.version = o.version.value_or(3), .filter = o.filter.value_or(PixelFilter{})});
+    return write_spz(path, cloud, {.version = o.version, .filter = o.filter.value_or(PixelFilter{})});
 }
 inline SplatLosses save_splat(const std::filesystem::path& path, const GaussianCloud<float>& cloud,
                               const SplatFileOptions& o) {
