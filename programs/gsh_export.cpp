@@ -33,7 +33,7 @@ ExportResult export_scene(const ExportOptions& options, const FormatTraits& trai
     if (options.sh_degree) cloud = with_bands_up_to(std::move(cloud), *options.sh_degree);
     if (options.largest)
         cloud = reordered(cloud, Span<const std::uint32_t>(largest_gaussians(cloud, *options.largest)));
-    if (const auto order = order_for(traits.format, cloud); !order.empty())
+    if (const auto order = order_for(traits, cloud); !order.empty())
         cloud = reordered(cloud, Span<const std::uint32_t>(order));
     StillWriter writer(options, traits, splats.notes.filter);
     writer.write(options.to, cloud);
@@ -45,7 +45,7 @@ int run_export(const ExportOptions& options) {
     std::error_code ignored;
     check_value(!std::filesystem::equivalent(options.input, options.to, ignored), "--to " + options.to.string(),
                 "is the input itself");
-    const ExportResult result = traits.format == ExportFormat::html   ? export_page(options)
+    const ExportResult result = traits.kind == ExportKind::page       ? export_page(options)
                                 : options.input.extension() == ".gsh" ? export_avatar(options, traits)
                                                                       : export_scene(options, traits);
     if (result.files == 0) return exit_interrupted;
@@ -61,8 +61,7 @@ int run_export(const ExportOptions& options) {
 int main(int argc, char** argv) {
     ExportOptions options;
     CLI::App app("Writes avatars and scenes in formats that other programs show.", "gsh-export");
-    app.add_option("input", options.input, "AVATAR.gsh, or a scene (.ply, .compressed.ply, .spz, .splat, .glb, .gltf)")
-        ->required();
+    app.add_option("input", options.input, "AVATAR.gsh, or a scene (" + scene_endings() + ")")->required();
     app.add_option("--to", options.to, "the file to write; its ending chooses the format: " + known_endings())
         ->required();
     app.add_option("--poses", options.poses,
@@ -78,7 +77,7 @@ int main(int argc, char** argv) {
     app.add_option("--sh", options.sh_degree, "degree of SH that is kept at most (default: all that the format holds)")
         ->check(CLI::Range(0, 3));
     app.add_option("--up", options.up,
-                   "the vertical of .ply, .compressed.ply and .splat: -y (default), as most programs expect, or y")
+                   "the vertical of " + y_down_endings() + ": -y (default), as most programs expect, or y")
         ->check(CLI::IsMember({"y", "-y"}));
     add_input_up(app, options.input_up);
     app.add_option("--largest", options.largest, "keep the N Gaussians with the largest size times opacity")

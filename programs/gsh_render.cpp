@@ -122,8 +122,7 @@ int render(const RenderOptions& options) {
 int main(int argc, char** argv) {
     RenderOptions options;
     CLI::App app("Renders a 3DGS scene or avatars.", "gsh-render");
-    app.add_option("scene", options.scenes,
-                   "a scene (.ply, .compressed.ply, .spz, .splat, .glb, .gltf), or one or several AVATAR.gsh")
+    app.add_option("scene", options.scenes, "a scene (" + scene_endings() + "), or one or several AVATAR.gsh")
         ->required();
     app.add_option(
            "--poses", options.poses,

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 /// @file  gsh-view: shows avatars in a browser, where they can be turned, posed and played.
 
+#include "common/input_files.hpp"
 #include "common/interrupts.hpp"
 #include "common/machine.hpp"
 #include "common/messages.hpp"
@@ -83,8 +84,7 @@ int view(ViewOptions& options) {
 int main(int argc, char** argv) {
     ViewOptions options;
     CLI::App app("Shows avatars in a browser.", "gsh-view");
-    app.add_option("scene", options.scenes,
-                   "one or several AVATAR.gsh, or one scene (.ply, .compressed.ply, .spz, .splat, .glb, .gltf)")
+    app.add_option("scene", options.scenes, "one or several AVATAR.gsh, or one scene (" + scene_endings() + ")")
         ->required();
     app.add_option(
            "--poses", options.poses,

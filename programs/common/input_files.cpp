@@ -119,6 +119,9 @@ StillSplats splats_of_file(const std::filesystem::path& path, const std::string&
     if (const auto axis = up_axis_called(up)) restate_up(splats, *axis);
     return splats;
 }
+std::string scene_endings() {
+    return splat_endings(SplatEndings::read);
+}
 CameraList cameras_of_file(const std::filesystem::path& path) {
     return read_cameras(path);
 }

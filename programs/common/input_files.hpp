@@ -73,6 +73,8 @@ AvatarData avatar_of_file(const std::filesystem::path& path);
 /// Errors  ValueError for a file without Gaussians.
 StillSplats splats_of_file(const std::filesystem::path& path, const std::string& up = {},
                            std::optional<double> time = {});
+/// The endings of scenes, for help texts: ".ply, .compressed.ply, …".
+std::string scene_endings();
 /// read_cameras.
 CameraList cameras_of_file(const std::filesystem::path& path);
 /// read_camera.

@@ -43,7 +43,7 @@ struct Exported {
         AvatarData& avatar = people.data[0];
         if (o.largest)
             avatar = avatar_part(avatar, Span<const std::uint32_t>(largest_gaussians(avatar.gaussians, *o.largest)));
-        if (const auto order = order_for(traits.format, avatar.gaussians); !order.empty())
+        if (const auto order = order_for(traits, avatar.gaussians); !order.empty())
             avatar = avatar_part(avatar, Span<const std::uint32_t>(order));
         const std::size_t count = motion().frame_count();
         frames = o.is_moving() ? frames_of(o.frames, count) : std::vector{chosen_frame(o, count)};
@@ -162,17 +162,15 @@ ExportResult write_usda(Exported& exported, const ExportOptions& o) {
 ExportResult export_avatar(const ExportOptions& o, const FormatTraits& traits) {
     Exported exported(o, traits);
     watch_interrupts();
-    if (traits.format == ExportFormat::gsh) return write_compact(exported, o);
+    if (traits.kind == ExportKind::avatar) return write_compact(exported, o);
     if (o.mesh) return write_mesh(exported, o);
     if (!o.is_moving()) return write_still(exported, o, traits);
-    if (traits.is_sequence) return write_sequence(exported, o, traits);
-    return traits.format == ExportFormat::usda ? write_usda(exported, o) : write_pieces(exported, o);
+    if (!traits.splats->holds_motion) return write_sequence(exported, o, traits);
+    return traits.is(SplatFormat::usda) ? write_usda(exported, o) : write_pieces(exported, o);
 }
 
-std::vector<std::uint32_t> order_for(ExportFormat format, const GaussianCloud<float>& cloud) {
-    if (format == ExportFormat::compressed_ply || format == ExportFormat::spz) return morton_order(cloud);
-    if (format == ExportFormat::splat) return importance_order(cloud);
-    return {};
+std::vector<std::uint32_t> order_for(const FormatTraits& traits, const GaussianCloud<float>& cloud) {
+    return traits.splats && traits.splats->order ? traits.splats->order(cloud) : std::vector<std::uint32_t>();
 }
 
 bool is_y_down(const std::filesystem::path& scene) {

@@ -30,7 +30,7 @@ struct ExportResult {
 ExportResult export_avatar(const ExportOptions& options, const FormatTraits& traits);
 
 /// The order in which a format stores Gaussians best; empty for their own.
-std::vector<std::uint32_t> order_for(ExportFormat format, const GaussianCloud<float>& cloud);
+std::vector<std::uint32_t> order_for(const FormatTraits& traits, const GaussianCloud<float>& cloud);
 
 /// True for a scene in a format that has y down unless it states otherwise.
 bool is_y_down(const std::filesystem::path& scene);

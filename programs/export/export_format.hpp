@@ -5,18 +5,26 @@
 #include <filesystem>
 #include <optional>
 #include <string>
+#include <string_view>
+
+namespace gsh {
+enum class SplatFormat;
+struct SplatFormatTraits;
+} // namespace gsh
 
 namespace gsh::programs {
 
-enum class ExportFormat { ply, compressed_ply, spz, splat, glb, usda, html, gsh };
+/// Gaussians alone, or one of the formats that hold more: a page, and an avatar that still moves.
+enum class ExportKind { splats, page, avatar };
 
-/// What a format needs to be known for before it is written.
+/// A format: a row of the library's table, or one of gsh-export's own.
 struct FormatTraits {
-    ExportFormat format;
-    const char* ending;       ///< ".compressed.ply"
-    bool y_down = false;      ///< by custom; --up applies
-    bool is_sequence = false; ///< frames are files of their own, in a folder
-    int sh_degree = 3;        ///< the highest that it holds
+    std::string_view ending; ///< ".compressed.ply"
+    ExportKind kind = ExportKind::splats;
+    const SplatFormatTraits* splats = nullptr; ///< the row, for a kind of splats
+
+    [[nodiscard]] bool is(SplatFormat format) const;
+    [[nodiscard]] bool is_y_down() const; ///< by custom; --up applies
 };
 
 /// The format whose ending a path has, the longest first; none for an unknown ending.
@@ -24,6 +32,8 @@ std::optional<FormatTraits> format_of(const std::filesystem::path& path);
 
 /// The endings as a list for messages: ".ply, .compressed.ply, …".
 std::string known_endings();
+/// Those of files that have y down by custom: ".ply, .compressed.ply and …".
+std::string y_down_endings();
 
 /// The path without the ending of its format: the folder of a sequence.
 std::filesystem::path without_ending(const std::filesystem::path& path, const FormatTraits& traits);

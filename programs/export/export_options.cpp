@@ -2,8 +2,10 @@
 #include "export/export_options.hpp"
 
 #include <gsh/core/error.hpp>
+#include <gsh/io/splat/splat_formats.hpp>
 
 #include <charconv>
+#include <string_view>
 
 namespace gsh::programs {
 
@@ -44,12 +46,12 @@ std::size_t chosen_frame(const ExportOptions& o, std::size_t count) {
 FormatTraits check_options(const ExportOptions& o) {
     const auto traits = format_of(o.to);
     check_value(traits.has_value(), "--to " + o.to.string(), "has an unknown ending; known are " + known_endings());
-    const bool avatar = o.input.extension() == ".gsh", glb = traits->format == ExportFormat::glb;
-    const auto needs = [&](bool given, bool fits, const char* option, const char* what) {
+    const bool avatar = o.input.extension() == ".gsh", glb = traits->is(SplatFormat::glb);
+    const auto needs = [&](bool given, bool fits, const char* option, std::string_view what) {
         check_value(!given || fits, option, what);
     };
     needs(!o.poses.empty(), avatar, "--poses", "needs an avatar (.gsh)");
-    const bool page = traits->format == ExportFormat::html;
+    const bool page = traits->kind == ExportKind::page;
     needs(o.poses.size() > 1, page, "--poses", "holds several motions; only .html takes more than one");
     needs(o.frame.has_value(), !o.poses.empty(), "--frame", "needs --poses");
     needs(o.is_moving(), !o.poses.empty(), "--frames", "needs --poses");
@@ -59,14 +61,14 @@ FormatTraits check_options(const ExportOptions& o) {
     needs(page && o.as_stored, false, "--as-stored", "is not for .html, whose page shows bodies upright");
     needs(!o.light.is_default(), avatar, "--light", "needs an avatar (.gsh), as --light-turn and --exposure do");
     needs(!o.rig.is_default(), !o.poses.empty(), "--joint-map", "needs --poses, as --animation does");
-    needs(o.up.has_value(), traits->y_down, "--up",
-          "is for .ply, .compressed.ply and .splat; the other formats have y up");
+    needs(o.up.has_value(), traits->is_y_down(), "--up",
+          "is for " + y_down_endings() + "; the other formats have y up");
     needs(!o.input_up.empty(), !avatar, "--input-up", "is for a scene; an avatar (.gsh) has y up");
-    needs(o.spz_version.has_value(), traits->format == ExportFormat::spz, "--spz", "is for files .spz");
+    needs(o.spz_version.has_value(), traits->is(SplatFormat::spz), "--spz", "is for files .spz");
     needs(o.clusters.has_value(), glb && o.is_moving(), "--clusters", "is for files .glb with --frames");
     needs(o.clusters.has_value(), !o.mesh, "--clusters", "excludes --mesh");
     needs(o.mesh, glb && avatar, "--mesh", "is for an avatar (.gsh) and a file .glb");
-    const bool compact = traits->format == ExportFormat::gsh;
+    const bool compact = traits->kind == ExportKind::avatar;
     needs(compact, avatar, "--to", "a file .gsh is made from an avatar (.gsh)");
     needs(compact, o.poses.empty() && o.light.is_default(), "--to",
           "a file .gsh holds no pose and keeps the avatar's light; leave out --poses and --light");

@@ -1,80 +1,62 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "export/still_writer.hpp"
 
-#include <gsh/gaussian/cloud_edits.hpp>
+#include <gsh/core/error.hpp>
 #include <gsh/io/file/text_lines.hpp>
-#include <gsh/io/splat/compressed_ply.hpp>
-#include <gsh/io/splat/gltf_splats.hpp>
-#include <gsh/io/splat/ply.hpp>
-#include <gsh/io/splat/splat_file.hpp>
-#include <gsh/io/splat/spz.hpp>
-#include <gsh/io/splat/usda.hpp>
+#include <gsh/io/splat/any_splats.hpp>
+#include <gsh/math/sh.hpp>
 
 #include <algorithm>
 #include <string>
+#include <string_view>
 
 namespace gsh::programs {
 
+namespace {
+
+const SplatFormatTraits& row_of(const FormatTraits& traits) {
+    check_value(traits.splats != nullptr, "StillWriter", "pages and avatars are no still files");
+    return *traits.splats;
+}
+
+} // namespace
+
 StillWriter::StillWriter(const ExportOptions& options, const FormatTraits& traits, std::optional<PixelFilter> filter)
-    : traits_(traits), filter_(filter), y_down_(options.up.value_or("-y") == "-y"),
-      spz_version_(options.spz_version.value_or(3)) {}
+    : row_(row_of(traits)), up_(up_axis_called(options.up.value_or(""))), filter_(filter),
+      version_(options.spz_version.value_or(0)) {}
 
 void StillWriter::write(const std::filesystem::path& path, const GaussianCloud<float>& cloud) {
-    const UpAxis up = y_down_ ? UpAxis::minus_y : UpAxis::y;
-    lost_degree_ = std::max(lost_degree_, cloud.sh_degree > traits_.sh_degree ? cloud.sh_degree : 0);
-    const GaussianCloud<float> kept = with_bands_up_to(cloud, traits_.sh_degree);
-    coefficients_ += 3 * (kept.sh.size() - kept.size());
-    switch (traits_.format) {
-    case ExportFormat::ply:
-        return write_gaussian_ply(path, kept, {.pad_to_degree = 0, .up = up, .filter = filter_});
-    case ExportFormat::compressed_ply:
-        losses_ += write_compressed_ply(path, kept, up, filter_);
-        return;
-    case ExportFormat::splat:
-        losses_ += write_splat(path, kept, up);
-        return;
-    case ExportFormat::glb:
-        return write_gltf_splats(path, kept, filter_);
-    case ExportFormat::spz:
-        losses_ += write_spz(path, kept, {.version = spz_version_, .filter = filter_.value_or(PixelFilter{})});
-        return;
-    case ExportFormat::usda: {
-        UsdaSplats file(path, filter_);
-        file.add(kept);
-        return file.commit();
-    }
-    case ExportFormat::html:
-    case ExportFormat::gsh:
-        break;
-    }
-    throw ValueError("StillWriter: pages and avatars are no still files");
+    losses_ += save_splats(path, cloud, {.up = up_, .filter = filter_, .version = version_});
+    const int degree = std::min(cloud.sh_degree, row_.sh_degree);
+    coefficients_ += 3 * cloud.size() * static_cast<std::size_t>(sh_basis_count(degree) - 1);
 }
 
 std::string StillWriter::losses() const {
-    const bool spz = traits_.format == ExportFormat::spz, splat = traits_.format == ExportFormat::splat;
-    const std::string step = gsh::detail::number_text(losses_.position_step);
+    const SplatLimits& limits = row_.limits;
+    const std::string step = gsh::detail::number_text(losses_.position_step), holder(limits.holder);
     std::string text;
     const auto tell = [&](const std::string& what) { text += (text.empty() ? "" : "; ") + what; };
     const auto count = [&](std::size_t lost, std::size_t all, const std::string& what) {
         if (lost > 0) tell(std::to_string(lost) + " of " + std::to_string(all) + " " + what);
     };
-    const auto clamped = [&](std::size_t lost, std::size_t all, const std::string& what, const char* range) {
+    const auto clamped = [&](std::size_t lost, std::size_t all, const std::string& what, std::string_view range) {
         count(lost, all,
-              what + " beyond " + range + ", which " + (spz ? "SPZ" : "the format") + " cannot hold; they are clamped");
+              what + " beyond " + std::string(range) + ", which " + holder + " cannot hold; they are clamped");
     };
     const std::size_t all = losses_.gaussians;
-    count(losses_.positions, all, "Gaussians lie farther out than SPZ reaches; they end at its edge");
-    if (spz && losses_.position_step > 0)
-        tell("positions are in steps of " + step + ", because the scene reaches beyond 2048");
+    count(losses_.positions, all, "Gaussians lie farther out than " + holder + " reaches; they end at its edge");
+    if (!limits.reach.empty() && losses_.position_step > 0)
+        tell("positions are in steps of " + step + ", because the scene reaches beyond " + std::string(limits.reach));
     count(losses_.coarse, all, "Gaussians are smaller than the steps of their positions, up to " + step);
-    clamped(losses_.scales, all, "Gaussians have a scale", spz ? "e^-10 to e^5.94" : "e^20");
-    clamped(losses_.colors, all, "Gaussians have a colour", splat ? "0 to 1" : "-0.44 to 1.44");
-    clamped(losses_.coefficients, coefficients_, "SH coefficients are", spz ? "-1 to 1" : "-4 to 4");
+    clamped(losses_.scales, all, "Gaussians have a scale", limits.scales);
+    clamped(losses_.colors, all, "Gaussians have a colour", limits.colors);
+    clamped(losses_.coefficients, coefficients_, "SH coefficients are", limits.coefficients);
     if (losses_.fillers > 0)
         tell(std::to_string(losses_.fillers) + " invisible Gaussians fill up chunks that end before an outlier");
-    if (lost_degree_ > 0)
-        tell(traits_.sh_degree == 0 ? "the format has no SH; colours no longer depend on the view"
-                                    : "SH of degree 4 are lost; the format ends at degree 3");
+    if (losses_.dropped_degree > 0)
+        tell(row_.sh_degree == 0 ? "the format has no SH; colours no longer depend on the view"
+                                 : "SH of degree " + std::to_string(losses_.dropped_degree) +
+                                       " are lost; the format ends at degree " + std::to_string(row_.sh_degree));
     return text;
 }
 

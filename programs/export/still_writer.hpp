@@ -17,21 +17,21 @@ namespace gsh::programs {
 /// The settings of a format, and the losses of all clouds that were written.
 class StillWriter {
 public:
+    /// Errors  ValueError for a page and for an avatar.
     StillWriter(const ExportOptions& options, const FormatTraits& traits, std::optional<PixelFilter> filter);
 
-    /// Writes a cloud with y up. Its order is that of the file.
+    /// Writes a cloud with y up. Its order is that of the file, whose name has the ending of the format.
     void write(const std::filesystem::path& path, const GaussianCloud<float>& cloud);
     /// One line about what the files do not hold; empty if they hold everything.
     [[nodiscard]] std::string losses() const;
 
 private:
-    FormatTraits traits_;
+    const SplatFormatTraits& row_;
+    std::optional<UpAxis> up_;
     std::optional<PixelFilter> filter_;
-    bool y_down_;
-    int spz_version_;
+    int version_;
     SplatLosses losses_;
     std::size_t coefficients_ = 0; ///< above the constant ones
-    int lost_degree_ = 0;          ///< of clouds whose bands a format without SH drops
 };
 
 } // namespace gsh::programs

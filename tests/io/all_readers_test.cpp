@@ -40,6 +40,7 @@
 #include <cstdio>
 #include <fstream>
 #include <functional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -103,7 +104,7 @@ std::vector<Sample> write_samples(const fs::path& folder) {
     const auto at = [&](const char* name) { return folder / name; };
     const BodyModel body = test::small_body();
     std::vector<Sample> samples;
-    const auto add = [&](const char* name, std::function<void(const fs::path&)> read) {
+    const auto add = [&](const std::string& name, std::function<void(const fs::path&)> read) {
         samples.push_back({name, std::move(read)});
     };
     const auto splats = [](const fs::path& file) { (void)load_any_splats(file); };
@@ -125,13 +126,14 @@ std::vector<Sample> write_samples(const fs::path& folder) {
     });
 
     const auto cloud = test::splat_cloud(20, 1);
-    write_gaussian_ply(at("a.ply"), cloud);
-    write_compressed_ply(at("a.compressed.ply"), cloud);
-    write_spz(at("a.spz"), cloud);
-    write_spz(at("b.spz"), cloud, {.version = 4});
-    write_splat(at("a.splat"), cloud);
-    write_gltf_splats(at("splats.glb"), cloud);
-    for (const char* name : {"a.ply", "a.compressed.ply", "a.spz", "b.spz", "a.splat", "splats.glb"}) add(name, splats);
+    for (const SplatFormatTraits& row : splat_formats) {
+        if (!row.read || !row.write) continue;
+        for (const int version : std::set<int>(row.versions.begin(), row.versions.end())) {
+            const std::string name = "splats_" + std::to_string(version) + std::string(row.ending);
+            save_splats(folder / name, cloud, {.version = version});
+            add(name, splats);
+        }
+    }
 
     const auto rig = test::sample_rig({.spine = 1, .toes = false, .frames = 2});
     write_file(at("a.bvh"), test::bvh_text(rig));
@@ -172,13 +174,15 @@ std::vector<Sample> write_samples(const fs::path& folder) {
         R"({"images": [{"id": 1, "file_name": "cam00/0001.png"}], "annotations": [{"image_id": 1, "keypoints": [)" +
             points + "]}]}");
     add("keypoints.json", [cameras](const fs::path& file) { (void)load_keypoints(file, cameras, 3); });
-    write_file(at("video.json"), R"({"cameras": [{"name": "cam00", "width": 24, "height": 16, "times": [0, 0.1, 0.2]}]})");
+    write_file(at("video.json"),
+               R"({"cameras": [{"name": "cam00", "width": 24, "height": 16, "times": [0, 0.1, 0.2]}]})");
     add("video.json", [](const fs::path& file) { (void)load_detections(file.parent_path()); });
     write_file(at("map.json"), R"({"Bip_LeftArm": "left_shoulder", "Bip_Prop": null})");
     add("map.json", [](const fs::path& file) { (void)read_joint_map(file); });
     write_file(at("settings.json"), R"({"a": 0.5, "b": true, "c": "text"})");
     add("settings.json", [](const fs::path& file) { (void)read_settings(file); });
-    write_file(at("regions.json"), R"({"face_vertices": [1, 2], "left_hand_vertices": [3], "right_hand_vertices": [4, 5]})");
+    write_file(at("regions.json"),
+               R"({"face_vertices": [1, 2], "left_hand_vertices": [3], "right_hand_vertices": [4, 5]})");
     add("regions.json", [](const fs::path& file) { (void)read_regions(file, 57); });
 
     test::ColmapFiles colmap;

@@ -98,11 +98,13 @@ struct SplatLosses {
     std::size_t coarse = 0;       ///< Gaussians whose positions are in steps larger than themselves
     std::size_t fillers = 0;      ///< invisible Gaussians that were added
     double position_step = 0;     ///< the largest step of positions where it is larger than usual, else 0
+    int dropped_degree = 0;       ///< of a cloud whose highest bands of SH save_splats dropped, else 0
 
     SplatLosses& operator+=(const SplatLosses& other) {
         gaussians += other.gaussians, positions += other.positions, scales += other.scales, colors += other.colors;
         coefficients += other.coefficients, coarse += other.coarse, fillers += other.fillers;
         position_step = std::max(position_step, other.position_step);
+        dropped_degree = std::max(dropped_degree, other.dropped_degree);
         return *this;
     }
 };
