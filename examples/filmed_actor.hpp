@@ -19,7 +19,7 @@
 
 namespace gsh::examples {
 
-/// Four frames of the actor who talks, filmed by eight cameras of 128 pixels, and `count` points on the actor's skin.
+/// Four frames of the actor who talks, filmed by seven cameras of 128 pixels, and `count` points on the actor's skin.
 struct FilmedActor {
     BodyModel body = make_actor({.edge_scale = 1.5});
     Motion motion = actor_motion(ActorMotion::talk, 4);

@@ -52,8 +52,7 @@ template <class Buffer>
 template <Backend B, class T>
 [[nodiscard]] typename B::template Buffer<T> on_backend(B& backend, const std::vector<T>& host) {
     typename B::template Buffer<T> buffer;
-    buffer.resize(host.size());
-    backend.upload(Span<const T>(host), Span<T>(buffer));
+    assign(backend, host, buffer);
     return buffer;
 }
 

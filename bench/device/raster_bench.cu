@@ -39,8 +39,7 @@ struct Scene {
     Scene(Device& on, const SplatView<const float>& splats, std::vector<Camera<float>> views)
         : device(on), cameras(std::move(views)), rasterizer(on) {
         const auto copy = [&]<class T>(Span<const T> from, cuda::Buffer<T>& to, cuda::Buffer<T>& gradient) {
-            to.resize(from.size()), gradient.resize(from.size());
-            device.upload(from, Span<T>(to));
+            assign(device, from, to), gradient.resize(from.size());
         };
         copy(splats.means, means, dL_dmeans), copy(splats.covariances, covariances, dL_dcovariances);
         copy(splats.opacities, opacities, dL_dopacities), copy(splats.colors, colors, dL_dcolors);

@@ -21,8 +21,8 @@ namespace gsh::test {
 /// A backend's copy of an array.
 template <class B, class T>
 [[nodiscard]] typename B::template Buffer<T> brought(B& backend, const std::vector<T>& host) {
-    typename B::template Buffer<T> buffer(host.size());
-    backend.upload(Span<const T>(host), Span<T>(buffer));
+    typename B::template Buffer<T> buffer;
+    assign(backend, host, buffer);
     return buffer;
 }
 template <class B, class Buffer>

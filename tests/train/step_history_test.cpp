@@ -20,8 +20,7 @@ template <class B>
 void add(B& backend, StepHistory<B>& history, std::uint64_t step, double mse = 0.01) {
     const std::vector<double> values{static_cast<double>(step), 0, 0, mse};
     typename B::template Buffer<double> on_backend;
-    on_backend.resize(values.size());
-    backend.upload(Span<const double>(values), Span<double>(on_backend));
+    assign(backend, values, on_backend);
     history.add(step, Span<const double>(on_backend));
 }
 

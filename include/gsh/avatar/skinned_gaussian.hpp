@@ -185,10 +185,10 @@ public:
             skinned_splats_accumulate(
                 *backend_,
                 detail::SkinnedSplatBackward<Degree, T, Policy>{{gaussians, own, center, stride(gaussians)},
-                                                           params_.clamping,
-                                                           dL_dsplats,
-                                                           dL_dgaussians,
-                                                           stride(dL_dgaussians)},
+                                                                params_.clamping,
+                                                                dL_dsplats,
+                                                                dL_dgaussians,
+                                                                stride(dL_dgaussians)},
                 dL_down, dL_dcenter, cache.scratch);
             if constexpr (!std::is_same_v<typename Policy::template Bone<T>, Affine<T>>)
                 backend_->for_each(dL_dbones.size(),

@@ -203,7 +203,7 @@ public:
         const double photometric = values().loss;
         return with_mask() ? photometric + params_.mask_weight * mask_loss_.values(mask_cache_).loss : photometric;
     }
-    /// Its part of the pictures. Waits for the backend.
+    /// What the image loss found in the last compare(). Waits for the backend.
     [[nodiscard]] PhotometricValues values() const { return image_loss_.values(image_cache_); }
     /// PSNR of the render against the photograph. Waits for the backend.
     [[nodiscard]] double psnr() const { return psnr_of_mse(values().mse); }

@@ -162,21 +162,15 @@ public:
     void backward(std::size_t frame, const Deferred<vec3<T>>& center, const SplatView<const T>& dL_dsplats,
                   Span<vec3<T>> dL_dcenter) {
         for (std::size_t p = 0; p < people_.size(); ++p) {
-            Person& person = people_[p];
-            MotionRefinement<B, T>* refinement = person.refinement;
-            const RigPoseGradient<T> dL_dpose =
-                learns_motion(person, frame) ? refinement->pose_gradient() : RigPoseGradient<T>();
-            person.model->backward(present_pose(person, frame), frame, center, part(p, dL_dsplats), dL_dpose,
-                                   dL_dcenter);
-            if (!dL_dpose.empty()) refinement->accumulate(frame, dL_dpose);
+            with_pose_gradient(people_[p], frame, [&](const auto& pose, const auto& dL_dpose) {
+                people_[p].model->backward(pose, frame, center, part(p, dL_dsplats), dL_dpose, dL_dcenter);
+            });
         }
         for (const Term& term : terms_) {
             if (!term.of->counts(frame)) continue;
-            Person& person = people_[term.person];
-            const RigPoseGradient<T> dL_dpose =
-                learns_motion(person, frame) ? person.refinement->pose_gradient() : RigPoseGradient<T>();
-            term.of->backward(frame, present_pose(person, frame), dL_dpose);
-            if (!dL_dpose.empty()) person.refinement->accumulate(frame, dL_dpose);
+            with_pose_gradient(people_[term.person], frame, [&](const auto& pose, const auto& dL_dpose) {
+                term.of->backward(frame, pose, dL_dpose);
+            });
         }
     }
     /// Adjoint of the last forward with respect to one person's pose alone: adds to the person's refinement.
@@ -254,6 +248,15 @@ private:
     }
     [[nodiscard]] static bool learns_motion(const Person& of, std::size_t frame) {
         return of.refinement && of.refinement->learns_motion(frame);
+    }
+    /// add(pose, dL_dpose) adds to the gradient of a person's pose, which the refinement gets then. The gradient has no
+    /// parts where the motion does not learn.
+    template <class Add>
+    static void with_pose_gradient(Person& of, std::size_t frame, const Add& add) {
+        const RigPoseGradient<T> dL_dpose =
+            learns_motion(of, frame) ? of.refinement->pose_gradient() : RigPoseGradient<T>();
+        add(present_pose(of, frame), dL_dpose);
+        if (!dL_dpose.empty()) of.refinement->accumulate(frame, dL_dpose);
     }
     [[nodiscard]] bool learns_camera(const Photo& photo) const {
         const auto* cameras = camera_refinement();

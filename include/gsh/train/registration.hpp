@@ -290,8 +290,8 @@ template <Backend B, CpuBackend H>
         if (!frames.contains(frame)) unseen.push_back(frame);
 
     const bool learns_focal = params.focal && std::all_of(photos.begin(), photos.end(), [&](const Photo& photo) {
-                                  return photo.camera_index == photos[0].camera_index;
-                              });
+        return photo.camera_index == photos[0].camera_index;
+    });
     if (learns_focal) result.focal = 1;
     // Cameras that see a frame together see its depth. There, smoothness would only flatten a fast motion.
     const double unseen_depth = std::pow(static_cast<double>(frames.size()) / static_cast<double>(photos.size()), 2);

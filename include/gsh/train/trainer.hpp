@@ -65,13 +65,25 @@ public:
     /// optimiser.
     Trainer(B& backend, Scene& scene, std::vector<Photo> photos, std::uint64_t seed, const TrainConfig& config,
             Loss loss, Optimizer optimizer = {})
-        : Trainer(WithGains(), backend, scene, std::move(photos), seed, config, std::move(loss), std::move(optimizer),
-                  [&](const std::vector<Photo>& of) { return Gains(backend, of, config.gain); }) {}
+        : Trainer(backend, scene, photos, seed, config, std::move(loss), std::move(optimizer),
+                  Gains(backend, photos, config.gain)) {}
     /// The same with other gains.
     Trainer(B& backend, Scene& scene, std::vector<Photo> photos, std::uint64_t seed, const TrainConfig& config,
             Loss loss, Optimizer optimizer, Gains gains)
-        : Trainer(WithGains(), backend, scene, std::move(photos), seed, config, std::move(loss), std::move(optimizer),
-                  [&](const std::vector<Photo>&) { return std::move(gains); }) {}
+        : backend_(&backend), scene_(&scene), photos_(std::move(photos)), seed_(seed), config_(config.checked()),
+          pixels_(backend, photos_, photo_budget(backend, config_)), loss_(std::move(loss)),
+          gains_(std::move(gains)), repeated_(backend), history_(backend), optimizer_(std::move(optimizer)) {
+        check_value(!photos_.empty(), "Trainer", "there are no photographs to train on");
+        for (Photo& photo : photos_) {
+            check_photo("Trainer", photo, scene.frame_count());
+            photo.weight = static_cast<double>(std::lround(255 * photo.weight)) / 255;
+        }
+        for (const LearnedArray<T>& array : scene.learned())
+            check_value(array.rate >= 0 && std::isfinite(array.rate) && array.other.rate >= 0 &&
+                            std::isfinite(array.other.rate),
+                        "Trainer", "the rate of " + array.name + " must not be negative");
+        scene.set_progress(0, 0);
+    }
 
     [[nodiscard]] B& backend() { return *backend_; }
     [[nodiscard]] Scene& scene() { return *scene_; }
@@ -203,25 +215,6 @@ public:
     }
 
 private:
-    struct WithGains {};
-    template <class MakeGains>
-    Trainer(WithGains, B& backend, Scene& scene, std::vector<Photo> photos, std::uint64_t seed,
-            const TrainConfig& config, Loss loss, Optimizer optimizer, const MakeGains& make_gains)
-        : backend_(&backend), scene_(&scene), photos_(std::move(photos)), seed_(seed), config_(config.checked()),
-          pixels_(backend, photos_, photo_budget(backend, config_)), loss_(std::move(loss)),
-          gains_(make_gains(photos_)), repeated_(backend), history_(backend), optimizer_(std::move(optimizer)) {
-        check_value(!photos_.empty(), "Trainer", "there are no photographs to train on");
-        for (Photo& photo : photos_) {
-            check_photo("Trainer", photo, scene.frame_count());
-            photo.weight = static_cast<double>(std::lround(255 * photo.weight)) / 255;
-        }
-        for (const LearnedArray<T>& array : scene.learned())
-            check_value(array.rate >= 0 && std::isfinite(array.rate) && array.other.rate >= 0 &&
-                            std::isfinite(array.other.rate),
-                        "Trainer", "the rate of " + array.name + " must not be negative");
-        scene.set_progress(0, 0);
-    }
-
     /// Whether splats have factors in place of covariances.
     static constexpr bool has_needles = requires { requires Scene::has_needles; };
 

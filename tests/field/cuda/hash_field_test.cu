@@ -78,21 +78,17 @@ struct Passes {
     typename Field::Cache<B, T> cache;
 
     Passes(B& made, const Problem<T, Field>& problem) : p(problem), backend(made) {
-        const auto upload = [&](const auto& from, auto& to) {
-            to.resize(from.size());
-            backend.upload(Span(from.data(), from.size()), Span(to.data(), to.size()));
-        };
-        upload(p.points, points);
-        upload(p.region, region);
-        upload(p.point_inputs, point_inputs);
-        upload(p.shared, shared);
-        upload(p.table, table);
-        upload(p.weights, weights);
-        upload(p.dL_doutputs, dL_doutputs);
+        assign(backend, p.points, points);
+        assign(backend, p.region, region);
+        assign(backend, p.point_inputs, point_inputs);
+        assign(backend, p.shared, shared);
+        assign(backend, p.table, table);
+        assign(backend, p.weights, weights);
+        assign(backend, p.dL_doutputs, dL_doutputs);
         result.resize(p.dL_doutputs.size());
-        upload(std::vector<T>(p.table.size(), T(0)), dL_dtable);
-        upload(std::vector<T>(p.weights.size(), T(0)), dL_dweights);
-        upload(std::vector<T>(p.shared.size(), T(0)), dL_dshared);
+        assign(backend, std::vector<T>(p.table.size(), T(0)), dL_dtable);
+        assign(backend, std::vector<T>(p.weights.size(), T(0)), dL_dweights);
+        assign(backend, std::vector<T>(p.shared.size(), T(0)), dL_dshared);
         p.field.prepare(backend, points, query, {1, p.separate_tables, region});
     }
     void step() {
