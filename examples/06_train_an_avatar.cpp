@@ -12,10 +12,10 @@
 #include <gsh/field/hash_field.hpp>
 #include <gsh/image/color.hpp>
 #include <gsh/io/image/image_file.hpp>
+#include <gsh/learn/learned_array.hpp>
 #include <gsh/loss/metrics.hpp>
 #include <gsh/loss/photometric.hpp>
 #include <gsh/optim/schedule.hpp>
-#include <gsh/pipeline/learned_array.hpp>
 #include <gsh/render/rasterizer.hpp>
 #include <gsh/synthetic/actor.hpp>
 #include <gsh/synthetic/actor_motion.hpp>

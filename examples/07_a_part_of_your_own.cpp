@@ -3,7 +3,7 @@
 /// part is a brightness factor per frame, in the place of the avatar's shadow. Training finds the factors.
 #include <filmed_actor.hpp>
 #include <gsh/backend/sum.hpp>
-#include <gsh/pipeline/shared_field.hpp>
+#include <gsh/model/shared_field.hpp>
 #include <story.hpp>
 using namespace gsh;
 using Device = cpu::Threads; // another backend is a change of this line

@@ -2,7 +2,7 @@
 /// @file  Story 13: Gaussians follow a blend of bones that gsh does not have. It is linear blending, divided by the cube
 /// root of its determinant, so that Gaussians keep their volume where bones differ.
 #include <filmed_actor.hpp>
-#include <gsh/pipeline/shared_field.hpp>
+#include <gsh/model/shared_field.hpp>
 #include <story.hpp>
 using namespace gsh;
 using Device = cpu::Threads; // another backend is a change of this line

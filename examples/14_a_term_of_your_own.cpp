@@ -2,8 +2,8 @@
 /// @file  Story 14: a term of the loss that gsh does not have. Gaussians that are wider than 15 mm show as spikes in new
 /// poses. The term w/N Σ max(0, log s - log 15 mm)² keeps the three widths of each Gaussian below that.
 #include <filmed_actor.hpp>
-#include <gsh/pipeline/loss_term.hpp>
-#include <gsh/pipeline/shared_field.hpp>
+#include <gsh/model/shared_field.hpp>
+#include <gsh/photo/loss_term.hpp>
 #include <story.hpp>
 using namespace gsh;
 using Device = cpu::Threads; // another backend is a change of this line

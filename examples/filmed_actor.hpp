@@ -6,8 +6,8 @@
 #include <gsh/body/surface_samples.hpp>
 #include <gsh/cpu.hpp>
 #include <gsh/io/capture/photos.hpp>
-#include <gsh/pipeline/avatar_model.hpp>
-#include <gsh/pipeline/canonical_points.hpp>
+#include <gsh/model/avatar_model.hpp>
+#include <gsh/model/canonical_points.hpp>
 #include <gsh/synthetic/actor.hpp>
 #include <gsh/synthetic/actor_motion.hpp>
 #include <gsh/synthetic/studio.hpp>

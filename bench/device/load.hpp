@@ -6,9 +6,9 @@
 #include <gsh/camera/pinhole.hpp>
 #include <gsh/gaussian/gaussians.hpp>
 #include <gsh/gaussian/splats.hpp>
-#include <gsh/pipeline/photo.hpp>
-#include <gsh/train/canonical_setup.hpp>
-#include <gsh/train/configuration.hpp>
+#include <gsh/photo/photo.hpp>
+#include <gsh/setup/canonical_setup.hpp>
+#include <gsh/setup/configuration.hpp>
 
 #include <cstddef>
 #include <map>

@@ -7,9 +7,9 @@
 #include <gsh/core/rng.hpp>
 #include <gsh/cuda.cuh>
 #include <gsh/field/hash_field.hpp>
+#include <gsh/learn/density_descent.hpp>
 #include <gsh/loss/photometric.hpp>
 #include <gsh/optim/adam.hpp>
-#include <gsh/pipeline/density_descent.hpp>
 
 #include <cmath>
 #include <cstddef>

@@ -4,7 +4,7 @@
 #include "measure.cuh"
 
 #include <gsh/cuda.cuh>
-#include <gsh/pipeline/configured_avatar.hpp>
+#include <gsh/model/configured_avatar.hpp>
 #include <gsh/train/avatar_scene.hpp>
 #include <gsh/train/trainer.hpp>
 

@@ -66,7 +66,7 @@
 #include <gsh/avatar/cuda/occlusion_field.cuh>
 #include <gsh/avatar/cuda/pose_of_neurons.cuh>
 #include <gsh/avatar/cuda/skinned_gaussian.cuh>
-#include <gsh/pipeline/cuda/density_descent.cuh>
-#include <gsh/pipeline/cuda/density_limit.cuh>
-#include <gsh/pipeline/cuda/descent_tile.cuh>
+#include <gsh/learn/cuda/density_descent.cuh>
+#include <gsh/learn/cuda/density_limit.cuh>
+#include <gsh/learn/cuda/descent_tile.cuh>
 #include <gsh/train/cuda/stage_timer.cuh>

@@ -4,7 +4,7 @@
 
 #include <gsh/image/image.hpp>
 #include <gsh/io/image/image_file.hpp>
-#include <gsh/pipeline/photo.hpp>
+#include <gsh/photo/photo.hpp>
 #include <gsh/reconstruct/input.hpp>
 
 #include <cstddef>

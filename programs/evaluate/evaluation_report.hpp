@@ -5,7 +5,7 @@
 #include "evaluate/evaluation_pictures.hpp"
 #include "evaluate/evaluation_result.hpp"
 
-#include <gsh/pipeline/photo.hpp>
+#include <gsh/photo/photo.hpp>
 
 #include <string>
 #include <vector>

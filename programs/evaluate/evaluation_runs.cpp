@@ -7,7 +7,7 @@
 #include <gsh/core/error.hpp>
 #include <gsh/core/message.hpp>
 #include <gsh/io/file/named_path.hpp>
-#include <gsh/train/static_configuration.hpp>
+#include <gsh/setup/static_configuration.hpp>
 
 #include <algorithm>
 #include <cctype>

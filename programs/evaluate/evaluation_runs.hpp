@@ -7,7 +7,7 @@
 #include "reconstruct/reconstruct_options.hpp"
 
 #include <gsh/io/file/folder_lock.hpp>
-#include <gsh/train/configuration.hpp>
+#include <gsh/setup/configuration.hpp>
 
 #include <cstddef>
 #include <cstdint>

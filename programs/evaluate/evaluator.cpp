@@ -17,7 +17,7 @@
 #include <gsh/core/error.hpp>
 #include <gsh/io/image/image_file.hpp>
 #include <gsh/loss/cpu/lpips.hpp>
-#include <gsh/train/configuration.hpp>
+#include <gsh/setup/configuration.hpp>
 
 #include <malloc.h>
 

@@ -7,7 +7,7 @@
 #include "evaluate/evaluation_result.hpp"
 #include "reconstruct/load_input.hpp"
 
-#include <gsh/pipeline/photo.hpp>
+#include <gsh/photo/photo.hpp>
 #include <gsh/train/evaluation.hpp>
 
 #include <cstddef>

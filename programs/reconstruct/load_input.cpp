@@ -8,10 +8,10 @@
 #include <gsh/core/span.hpp>
 #include <gsh/io/capture/people_capture.hpp>
 #include <gsh/loss/cpu/lpips.hpp>
+#include <gsh/setup/configuration.hpp>
 #include <gsh/synthetic/actor.hpp>
 #include <gsh/synthetic/actor_motion.hpp>
 #include <gsh/synthetic/studio.hpp>
-#include <gsh/train/configuration.hpp>
 
 #include <algorithm>
 #include <cstdint>

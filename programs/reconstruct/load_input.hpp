@@ -9,7 +9,7 @@
 #include <gsh/reconstruct/input.hpp>
 #include <gsh/reconstruct/judge.hpp>
 #include <gsh/reconstruct/recipe.hpp>
-#include <gsh/train/configuration.hpp>
+#include <gsh/setup/configuration.hpp>
 
 #include <optional>
 

@@ -5,7 +5,7 @@
 #include "common/program.hpp"
 #include "reconstruct/reconstruct_options.hpp"
 
-#include <gsh/train/configuration.hpp>
+#include <gsh/setup/configuration.hpp>
 
 #include <CLI/CLI.hpp>
 

@@ -4,8 +4,8 @@
 #include "common/input_files.hpp"
 
 #include <gsh/core/error.hpp>
-#include <gsh/train/configuration.hpp>
-#include <gsh/train/static_configuration.hpp>
+#include <gsh/setup/configuration.hpp>
+#include <gsh/setup/static_configuration.hpp>
 
 #include <charconv>
 #include <system_error>

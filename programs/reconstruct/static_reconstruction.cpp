@@ -20,7 +20,7 @@
 #include <gsh/io/capture/colmap_image.hpp>
 #include <gsh/io/splat/ply.hpp>
 #include <gsh/reconstruct/train.hpp>
-#include <gsh/train/static_configuration.hpp>
+#include <gsh/setup/static_configuration.hpp>
 
 #include <algorithm>
 #include <chrono>

@@ -9,11 +9,11 @@
 #include <gsh/image/image.hpp>
 #include <gsh/io/capture/capture.hpp>
 #include <gsh/io/image/image_file.hpp>
-#include <gsh/pipeline/density_control.hpp>
-#include <gsh/pipeline/photo.hpp>
-#include <gsh/pipeline/static_model.hpp>
+#include <gsh/learn/density_control.hpp>
+#include <gsh/photo/photo.hpp>
+#include <gsh/setup/static_start.hpp>
 #include <gsh/train/evaluation.hpp>
-#include <gsh/train/static_start.hpp>
+#include <gsh/train/static_model.hpp>
 
 #include <cstddef>
 #include <cstdint>

@@ -5,9 +5,9 @@
 #include "reconstruct/static_reconstruction.hpp"
 
 #include <gsh/backend/backend.hpp>
-#include <gsh/pipeline/static_model.hpp>
+#include <gsh/setup/static_configuration.hpp>
 #include <gsh/train/evaluation.hpp>
-#include <gsh/train/static_configuration.hpp>
+#include <gsh/train/static_model.hpp>
 #include <gsh/train/trainer.hpp>
 
 #include <cstddef>

@@ -10,7 +10,7 @@
 #include <gsh/io/model/avatar_file.hpp>
 #include <gsh/io/motion/motion_file.hpp>
 #include <gsh/io/splat/ply.hpp>
-#include <gsh/train/configuration.hpp>
+#include <gsh/setup/configuration.hpp>
 #include <gsh/train/memory.hpp>
 
 #include <nlohmann/json.hpp>

@@ -6,7 +6,7 @@
 
 #include <gsh/reconstruct/input.hpp>
 #include <gsh/reconstruct/recipe.hpp>
-#include <gsh/train/configuration.hpp>
+#include <gsh/setup/configuration.hpp>
 
 #include <cstddef>
 #include <cstdint>

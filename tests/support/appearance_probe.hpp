@@ -3,9 +3,9 @@
 #pragma once
 
 #include <gsh/cpu.hpp>
-#include <gsh/pipeline/appearance.hpp>
-#include <gsh/pipeline/canonical_points.hpp>
-#include <gsh/pipeline/field_appearance.hpp>
+#include <gsh/model/appearance.hpp>
+#include <gsh/model/canonical_points.hpp>
+#include <gsh/model/field_appearance.hpp>
 
 #include "support/gradient.hpp"
 #include "support/learned.hpp"

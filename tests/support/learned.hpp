@@ -4,7 +4,7 @@
 
 #include <gsh/backend/serial.hpp>
 #include <gsh/core/span.hpp>
-#include <gsh/pipeline/learned_array.hpp>
+#include <gsh/learn/learned_array.hpp>
 
 #include "support/gradient.hpp"
 

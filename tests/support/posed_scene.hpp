@@ -5,7 +5,7 @@
 #include <gsh/avatar/avatar.hpp>
 #include <gsh/body/motion.hpp>
 #include <gsh/camera/pinhole.hpp>
-#include <gsh/pipeline/photo.hpp>
+#include <gsh/photo/photo.hpp>
 
 #include "support/bodies.hpp"
 

@@ -3,11 +3,11 @@
 #pragma once
 
 #include <gsh/avatar/rig.hpp>
-#include <gsh/cpu.hpp>
 #include <gsh/body/surface_samples.hpp>
-#include <gsh/pipeline/canonical_points.hpp>
-#include <gsh/pipeline/field_shadow.hpp>
-#include <gsh/pipeline/shadow.hpp>
+#include <gsh/cpu.hpp>
+#include <gsh/model/canonical_points.hpp>
+#include <gsh/model/field_shadow.hpp>
+#include <gsh/model/shadow.hpp>
 
 #include "support/bodies.hpp"
 #include "support/gradient.hpp"

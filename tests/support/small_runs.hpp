@@ -4,11 +4,11 @@
 
 #include <gsh/avatar/avatar.hpp>
 #include <gsh/core/rng.hpp>
-#include <gsh/pipeline/static_model.hpp>
+#include <gsh/refine/refinement.hpp>
+#include <gsh/setup/static_configuration.hpp>
 #include <gsh/train/frozen_scene.hpp>
 #include <gsh/train/pose_fit.hpp>
-#include <gsh/train/refinement.hpp>
-#include <gsh/train/static_configuration.hpp>
+#include <gsh/train/static_model.hpp>
 #include <gsh/train/trainer.hpp>
 
 #include "support/posed_scene.hpp"

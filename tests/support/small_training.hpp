@@ -4,8 +4,8 @@
 
 #include <gsh/camera/pinhole.hpp>
 #include <gsh/light/light.hpp>
-#include <gsh/pipeline/configured_avatar.hpp>
-#include <gsh/train/avatar_export.hpp>
+#include <gsh/model/configured_avatar.hpp>
+#include <gsh/setup/avatar_export.hpp>
 #include <gsh/train/avatar_scene.hpp>
 #include <gsh/train/trainer.hpp>
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gsh/cpu.hpp>
-#include <gsh/pipeline/configured_avatar.hpp>
+#include <gsh/model/configured_avatar.hpp>
 #include <gsh/train/memory.hpp>
 
 #include "support/bodies.hpp"

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 /// Several people in one training. Each avatar learns its own part of the picture.
-#include <gsh/cpu.hpp>
 #include <gsh/body/joint_error.hpp>
+#include <gsh/cpu.hpp>
 #include <gsh/io/model/checkpoint.hpp>
+#include <gsh/refine/refinement.hpp>
 #include <gsh/train/evaluation.hpp>
 #include <gsh/train/frozen_scene.hpp>
 #include <gsh/train/pose_fit.hpp>
-#include <gsh/train/refinement.hpp>
 #include <gsh/train/trainer.hpp>
 
 #include "io/temporary.hpp"

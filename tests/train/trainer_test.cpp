@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <gsh/cpu.hpp>
 #include <gsh/body/joint_error.hpp>
+#include <gsh/cpu.hpp>
 #include <gsh/io/image/image_file.hpp>
+#include <gsh/refine/refinement.hpp>
 #include <gsh/train/evaluation.hpp>
-#include <gsh/train/refinement.hpp>
 #include <gsh/train/trainer.hpp>
 
 #include "support/posed_scene.hpp"
@@ -572,7 +572,7 @@ TEST_CASE("the time that fields read is the frame's number, whatever the time on
     const auto expected = train();
     for (double& time : motion.timestamps) time = 7 + 0.1 * time;
     CHECK(train() == expected);
-    // pipeline/frame_codes_test.cpp tests the codes. t = frame / frames, so the number of frames matters.
+    // learn/frame_codes_test.cpp tests the codes. t = frame / frames, so the number of frames matters.
     motion.pose.resize(8), motion.expression.resize(4), motion.transl.resize(2), motion.timestamps.resize(2);
     CHECK(train() != expected);
 }

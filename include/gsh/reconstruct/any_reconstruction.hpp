@@ -4,7 +4,7 @@
 
 #include <gsh/avatar/avatar.hpp>
 #include <gsh/body/motion.hpp>
-#include <gsh/pipeline/photo.hpp>
+#include <gsh/photo/photo.hpp>
 #include <gsh/reconstruct/observer.hpp>
 #include <gsh/reconstruct/setup.hpp>
 #include <gsh/train/evaluation.hpp>

@@ -12,7 +12,7 @@
 #include <gsh/io/capture/capture_person.hpp>
 #include <gsh/io/capture/photos.hpp>
 #include <gsh/loss/metrics.hpp>
-#include <gsh/pipeline/photo.hpp>
+#include <gsh/photo/photo.hpp>
 #include <gsh/prior/estimated_view.hpp>
 #include <gsh/reconstruct/registration_summary.hpp>
 

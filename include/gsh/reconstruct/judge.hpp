@@ -6,10 +6,10 @@
 #include <gsh/image/image.hpp>
 #include <gsh/loss/lpips.hpp>
 #include <gsh/loss/metrics.hpp>
-#include <gsh/pipeline/photo.hpp>
+#include <gsh/photo/photo.hpp>
 #include <gsh/reconstruct/input.hpp>
+#include <gsh/setup/region_labels.hpp>
 #include <gsh/train/evaluation.hpp>
-#include <gsh/train/region_labels.hpp>
 
 #include <algorithm>
 #include <array>

@@ -2,7 +2,7 @@
 /// @file  How a capture is reconstructed: the configuration, the length of the training, refinement, limits.
 #pragma once
 
-#include <gsh/train/configuration.hpp>
+#include <gsh/setup/configuration.hpp>
 
 #include <cstddef>
 #include <cstdint>

@@ -6,22 +6,22 @@
 #include <gsh/backend/serial.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/io/model/checkpoint.hpp>
-#include <gsh/pipeline/configured_avatar.hpp>
-#include <gsh/pipeline/reduced_photos.hpp>
+#include <gsh/model/configured_avatar.hpp>
+#include <gsh/photo/reduced_photos.hpp>
 #include <gsh/reconstruct/any_reconstruction.hpp>
 #include <gsh/reconstruct/input.hpp>
 #include <gsh/reconstruct/observer.hpp>
 #include <gsh/reconstruct/recipe.hpp>
 #include <gsh/reconstruct/register_people.hpp>
 #include <gsh/reconstruct/setup.hpp>
-#include <gsh/train/avatar_export.hpp>
+#include <gsh/refine/refinement.hpp>
+#include <gsh/setup/avatar_export.hpp>
+#include <gsh/setup/unseen_points.hpp>
 #include <gsh/train/avatar_scene.hpp>
 #include <gsh/train/frozen_scene.hpp>
 #include <gsh/train/pose_fit.hpp>
-#include <gsh/train/refinement.hpp>
 #include <gsh/train/stage.hpp>
 #include <gsh/train/trainer.hpp>
-#include <gsh/train/unseen_points.hpp>
 
 #include <array>
 #include <cstddef>

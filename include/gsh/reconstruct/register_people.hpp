@@ -14,9 +14,9 @@
 #include <gsh/reconstruct/input.hpp>
 #include <gsh/reconstruct/observer.hpp>
 #include <gsh/reconstruct/recipe.hpp>
-#include <gsh/train/frame_doubt.hpp>
-#include <gsh/train/keypoint_scale.hpp>
-#include <gsh/train/registration.hpp>
+#include <gsh/registration/frame_doubt.hpp>
+#include <gsh/registration/keypoint_scale.hpp>
+#include <gsh/registration/registration.hpp>
 
 #include <algorithm>
 #include <cmath>

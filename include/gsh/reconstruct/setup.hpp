@@ -15,17 +15,17 @@
 #include <gsh/io/capture/capture_data.hpp>
 #include <gsh/io/capture/photos.hpp>
 #include <gsh/light/light.hpp>
-#include <gsh/pipeline/canonical_points.hpp>
-#include <gsh/pipeline/photo.hpp>
+#include <gsh/model/canonical_points.hpp>
+#include <gsh/photo/photo.hpp>
 #include <gsh/reconstruct/input.hpp>
 #include <gsh/reconstruct/observer.hpp>
 #include <gsh/reconstruct/recipe.hpp>
-#include <gsh/train/canonical_setup.hpp>
-#include <gsh/train/configuration.hpp>
+#include <gsh/refine/refinement_config.hpp>
+#include <gsh/setup/canonical_setup.hpp>
+#include <gsh/setup/configuration.hpp>
+#include <gsh/setup/light_estimate.hpp>
 #include <gsh/train/evaluation.hpp>
-#include <gsh/train/light_estimate.hpp>
 #include <gsh/train/memory.hpp>
-#include <gsh/train/refinement_config.hpp>
 
 #include <algorithm>
 #include <cstddef>

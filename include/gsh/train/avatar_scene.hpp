@@ -12,14 +12,14 @@
 #include <gsh/core/error.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/gaussian/splats.hpp>
+#include <gsh/learn/learned_array.hpp>
 #include <gsh/light/shadow_map.hpp>
 #include <gsh/math/vec.hpp>
-#include <gsh/pipeline/learned_array.hpp>
-#include <gsh/pipeline/loss_term.hpp>
-#include <gsh/pipeline/photo.hpp>
-#include <gsh/pipeline/splat_scene.hpp>
+#include <gsh/photo/loss_term.hpp>
+#include <gsh/photo/photo.hpp>
+#include <gsh/refine/refinement.hpp>
 #include <gsh/render/raster_cache.hpp>
-#include <gsh/train/refinement.hpp>
+#include <gsh/train/splat_scene.hpp>
 
 #include <algorithm>
 #include <concepts>

@@ -7,7 +7,7 @@
 #include <gsh/image/image.hpp>
 #include <gsh/image/trimap.hpp>
 #include <gsh/loss/metrics.hpp>
-#include <gsh/pipeline/photo.hpp>
+#include <gsh/photo/photo.hpp>
 
 #include <algorithm>
 #include <cmath>

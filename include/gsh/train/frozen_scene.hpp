@@ -9,12 +9,12 @@
 #include <gsh/core/error.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/gaussian/splats.hpp>
+#include <gsh/learn/learned_array.hpp>
 #include <gsh/math/vec.hpp>
-#include <gsh/pipeline/learned_array.hpp>
-#include <gsh/pipeline/splat_scene.hpp>
+#include <gsh/refine/refinement.hpp>
 #include <gsh/render/raster_cache.hpp>
 #include <gsh/train/avatar_scene.hpp>
-#include <gsh/train/refinement.hpp>
+#include <gsh/train/splat_scene.hpp>
 
 #include <concepts>
 #include <cstddef>

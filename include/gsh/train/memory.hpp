@@ -3,12 +3,12 @@
 #pragma once
 
 #include <gsh/backend/backend.hpp>
+#include <gsh/learn/part_size.hpp>
 #include <gsh/light/shadow_map.hpp>
 #include <gsh/math/vec.hpp>
-#include <gsh/pipeline/avatar_config.hpp>
-#include <gsh/pipeline/canonical_points.hpp>
-#include <gsh/pipeline/configured_avatar.hpp>
-#include <gsh/pipeline/part_size.hpp>
+#include <gsh/model/avatar_config.hpp>
+#include <gsh/model/canonical_points.hpp>
+#include <gsh/model/configured_avatar.hpp>
 #include <gsh/train/avatar_scene.hpp>
 
 #include <concepts>

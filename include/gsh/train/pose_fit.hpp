@@ -7,11 +7,11 @@
 #include <gsh/core/error.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/gaussian/splats.hpp>
-#include <gsh/pipeline/photo.hpp>
-#include <gsh/pipeline/photo_loss.hpp>
-#include <gsh/pipeline/photo_pixels.hpp>
+#include <gsh/photo/photo.hpp>
+#include <gsh/photo/photo_loss.hpp>
+#include <gsh/photo/photo_pixels.hpp>
+#include <gsh/refine/refinement.hpp>
 #include <gsh/train/frozen_scene.hpp>
-#include <gsh/train/refinement.hpp>
 
 #include <array>
 #include <concepts>

@@ -5,7 +5,7 @@
 #include <gsh/core/error.hpp>
 #include <gsh/core/rng.hpp>
 #include <gsh/gaussian/splats.hpp>
-#include <gsh/pipeline/photo_gain.hpp>
+#include <gsh/photo/photo_gain.hpp>
 
 #include <algorithm>
 #include <array>

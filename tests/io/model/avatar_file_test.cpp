@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gsh/cpu.hpp>
 #include <gsh/io/model/avatar_file.hpp>
-#include <gsh/pipeline/configured_avatar.hpp>
-#include <gsh/train/avatar_export.hpp>
+#include <gsh/model/configured_avatar.hpp>
+#include <gsh/setup/avatar_export.hpp>
 #include <gsh/train/avatar_scene.hpp>
 #include <gsh/train/trainer.hpp>
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gsh/cpu.hpp>
 #include <gsh/io/model/checkpoint.hpp>
-#include <gsh/train/refinement.hpp>
+#include <gsh/refine/refinement.hpp>
 
 #include "support/contains.hpp"
 #include "support/small_training.hpp"

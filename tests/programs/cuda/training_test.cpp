@@ -5,7 +5,7 @@
 #include "support/contains.hpp"
 
 #include <gsh/io/motion/motion_file.hpp>
-#include <gsh/train/configuration.hpp>
+#include <gsh/setup/configuration.hpp>
 
 #include <cstdint>
 

@@ -5,7 +5,7 @@
 #include <gsh/body/landmarks.hpp>
 #include <gsh/body/motion_landmarks.hpp>
 #include <gsh/cuda.cuh>
-#include <gsh/train/registration.hpp>
+#include <gsh/registration/registration.hpp>
 
 #include "support/cuda_device.hpp"
 #include "support/posed_scene.hpp"

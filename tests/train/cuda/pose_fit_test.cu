@@ -2,9 +2,9 @@
 /// @file  Pose fits on the CUDA backend: steps that do not wait for the device, and steps that are taken again.
 #include <gsh/avatar/avatar.hpp>
 #include <gsh/cuda.cuh>
+#include <gsh/refine/refinement.hpp>
 #include <gsh/train/frozen_scene.hpp>
 #include <gsh/train/pose_fit.hpp>
-#include <gsh/train/refinement.hpp>
 
 #include "support/cuda_device.hpp"
 #include "support/posed_scene.hpp"

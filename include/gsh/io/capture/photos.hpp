@@ -5,7 +5,7 @@
 #include <gsh/core/span.hpp>
 #include <gsh/io/capture/capture_data.hpp>
 #include <gsh/io/image/image_file.hpp>
-#include <gsh/pipeline/photo.hpp>
+#include <gsh/photo/photo.hpp>
 
 #include <cstdint>
 #include <cstdio>

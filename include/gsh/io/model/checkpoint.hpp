@@ -4,7 +4,7 @@
 
 #include <gsh/core/error.hpp>
 #include <gsh/io/file/archive.hpp>
-#include <gsh/pipeline/learned_array.hpp>
+#include <gsh/learn/learned_array.hpp>
 #include <gsh/train/avatar_scene.hpp>
 
 #include <array>

@@ -4,8 +4,8 @@
 
 #include <gsh/core/error.hpp>
 #include <gsh/io/file/settings_file.hpp>
-#include <gsh/train/configuration.hpp>
-#include <gsh/train/static_configuration.hpp>
+#include <gsh/setup/configuration.hpp>
+#include <gsh/setup/static_configuration.hpp>
 
 #include <cstdint>
 #include <filesystem>

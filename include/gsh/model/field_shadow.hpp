@@ -1,0 +1,198 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  Shadows from a field over the canonical points and the time, or over the points and the pose.
+#pragma once
+
+#include <gsh/avatar/occlusion_field.hpp>
+#include <gsh/backend/backend.hpp>
+#include <gsh/core/error.hpp>
+#include <gsh/core/span.hpp>
+#include <gsh/field/features.hpp>
+#include <gsh/field/mlp.hpp>
+#include <gsh/learn/frame_codes.hpp>
+#include <gsh/learn/learned_array.hpp>
+#include <gsh/learn/learned_field.hpp>
+#include <gsh/learn/part_size.hpp>
+#include <gsh/math/activation.hpp>
+#include <gsh/math/vec.hpp>
+#include <gsh/model/canonical_points.hpp>
+#include <gsh/model/shadow.hpp>
+
+#include <concepts>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+
+namespace gsh {
+
+/// Settings of a shadow from a field.
+struct FieldShadowParams {
+    FieldParams field;
+    double largest = 2; ///< upper bound of ao; above 1, a shadow can also brighten the colours learned before it began
+    double initial = 1; ///< ao of every Gaussian before the first step
+    double rate = 5e-3; ///< of table and network
+    std::uint64_t seed = 0;
+};
+
+namespace detail {
+
+/// ao = largest · sigmoid(field(x₀, code) + logit(initial / largest)). The code is the same for every point. The field
+/// starts at zero, so that ao is `initial` everywhere at first.
+template <Backend B, std::floating_point T, int Levels, int Features>
+class ShadowField {
+public:
+    using Field = LearnedField<B, T, Levels, Features>;
+    using Grid = typename Field::Grid;
+
+    ShadowField(B& backend, const CanonicalPoints<B, T>& points, const FieldShadowParams& params,
+                std::size_t code_size)
+        : backend_(&backend), params_(params),
+          field_(backend, params_of_field(params, code_size)) {
+        check_value(params.initial > 0 && params.initial < params.largest, "FieldShadowParams",
+                    "initial must lie between 0 and largest");
+        field_.field().prepare(backend, points.unit(), query_);
+        field_.silence_outputs();
+    }
+    [[nodiscard]] static PartSize size(const FieldShadowParams& params, std::size_t code_size) {
+        PartSize size = Field::size(params_of_field(params, code_size));
+        size.queries = 1;
+        return size;
+    }
+
+    void forward(Span<const T> code, Span<T> ao) {
+        field_.forward(query_, ao, {{}, code});
+        backend_->for_each(ao.size(), AoFromLogit<T>{ao, static_cast<T>(bias()), T(params_.largest)});
+    }
+    /// Adds to the gradients of table and network, and to dL_dcode unless it is empty. Overwrites dL_dao with the
+    /// gradient of the field's output.
+    void backward(Span<const T> code, Span<const T> ao, Span<T> dL_dao, Span<T> dL_dcode) {
+        logit_backward(ao, dL_dao);
+        field_.backward(query_, dL_dao, {{}, code}, dL_dcode);
+    }
+    /// The same for the code alone.
+    void backward_to_code(Span<const T> code, Span<const T> ao, Span<T> dL_dao, Span<T> dL_dcode) {
+        const Span<const T> features(field_.cache().features);
+        unused_.resize(field_.mlp().parameter_count());
+        backend_->fill(Span<T>(unused_), T(0));
+        logit_backward(ao, dL_dao);
+        field_.mlp().backward(*backend_, field_.weights(),
+                              {blocked(features, Grid::output_count, Features), {}, code}, dL_dao, field_.cache().mlp,
+                              unused_, {}, Write::add, dL_dcode);
+    }
+    [[nodiscard]] LearnedArrays<T> learned() { return field_.learned(query_, params_.rate); }
+
+    /// The field as avatar files store it. Empty if the network is a single matrix, which cannot be baked.
+    [[nodiscard]] std::optional<OcclusionFieldData> baked() const {
+        if constexpr (std::same_as<T, float>) {
+            if (field_.mlp().params().hidden_layers < 1) return std::nullopt;
+            typename B::template Buffer<T> encoding(query_.size() * Grid::output_count);
+            field_.field().grid().forward(*backend_, field_.table(), query_.grids[0],
+                                          row_major(Span<T>(encoding), Grid::output_count));
+            return bake_occlusion_field(*backend_, field_.mlp(), field_.weights(),
+                                        FeatureView<const T>(row_major(Span<const T>(encoding), Grid::output_count)),
+                                        bias(), params_.largest);
+        } else {
+            return std::nullopt;
+        }
+    }
+
+private:
+    [[nodiscard]] static typename Field::Params params_of_field(const FieldShadowParams& params,
+                                                                std::size_t code_size) {
+        return {.name = "shadow_field",
+                .sizes = params.field,
+                .outputs = 1,
+                .shared_inputs = code_size,
+                .start = {params.seed, field_stream::shadow}};
+    }
+    [[nodiscard]] double bias() const { return logit(params_.initial / params_.largest); }
+    void logit_backward(Span<const T> ao, Span<T> dL_dao) {
+        backend_->for_each(ao.size(), AoFromLogitBackward<T>{ao, T(params_.largest), dL_dao});
+    }
+
+    B* backend_;
+    FieldShadowParams params_;
+    Field field_;
+    typename Field::Query query_;
+    typename B::template Buffer<T> unused_; // gradient of the network, not used
+};
+
+} // namespace detail
+
+/// Shadows over the time: ao_i = field(x₀, γ(t)). In a new motion each Gaussian has its mean over the training frames.
+///
+/// Source  paper §3.4, equations 15 and 16.
+template <Backend B, std::floating_point T = float, int Levels = 16, int Features = 4>
+class TimeShadow : public PlainShadow<B, T> {
+public:
+    TimeShadow(B& backend, const CanonicalPoints<B, T>& points, std::size_t frame_count,
+               const FieldShadowParams& params = {})
+        : codes_(backend, frame_count), field_(backend, points, params, codes_.size()) {}
+    [[nodiscard]] static PartSize size(const FieldShadowParams& params, std::size_t frame_count) {
+        return detail::ShadowField<B, T, Levels, Features>::size(params, FrameCodes<B, T>::code_size(frame_count));
+    }
+
+    void forward(const ShadowInput<B, T>& input, Span<T> ao) { field_.forward(codes_[input.frame], ao); }
+    void backward(const ShadowInput<B, T>& input, Span<const T> ao, Span<T> dL_dao, Span<vec3<T>>) {
+        field_.backward(codes_[input.frame], ao, dL_dao, {});
+    }
+    [[nodiscard]] LearnedArrays<T> learned() { return field_.learned(); }
+
+private:
+    FrameCodes<B, T> codes_;
+    detail::ShadowField<B, T, Levels, Features> field_;
+};
+
+/// Shadows over the pose: ao_i = field(x₀, vec(R - I)). R are the rotations of all joints but the root, relative to
+/// their parents. The shadow follows a pose that is refined, and a new motion.
+///
+/// Source  the paper's ambient occlusion, §3.4, with the pose in place of γ(t).
+template <Backend B, std::floating_point T = float, int Levels = 16, int Features = 4>
+class PoseShadow {
+public:
+    PoseShadow(B& backend, const CanonicalPoints<B, T>& points, std::size_t pose_feature_count,
+               const FieldShadowParams& params = {})
+        : backend_(&backend), feature_(pose_feature_count), field_(backend, points, params, pose_feature_count) {}
+    [[nodiscard]] static PartSize size(const FieldShadowParams& params, std::size_t pose_feature_count) {
+        return detail::ShadowField<B, T, Levels, Features>::size(params, pose_feature_count);
+    }
+
+    [[nodiscard]] bool casts() const { return true; }
+    [[nodiscard]] bool follows_pose() const { return true; }
+    void forward(const ShadowInput<B, T>& input, Span<T> ao) {
+        input.skeleton.feature(input.rotations, feature_);
+        field_.forward(feature_, ao);
+    }
+    void backward(const ShadowInput<B, T>& input, Span<const T> ao, Span<T> dL_dao, Span<vec3<T>> dL_dpose) {
+        field_.backward(feature_, ao, dL_dao, dL_dpose.empty() ? Span<T>() : start_feature_gradient());
+        if (!dL_dpose.empty()) feature_backward(input, dL_dpose);
+    }
+    void backward_to_pose(const ShadowInput<B, T>& input, Span<const T> ao, Span<T> dL_dao, Span<vec3<T>> dL_dpose) {
+        field_.backward_to_code(feature_, ao, dL_dao, start_feature_gradient());
+        feature_backward(input, dL_dpose);
+    }
+    [[nodiscard]] LearnedArrays<T> learned() { return field_.learned(); }
+    [[nodiscard]] std::optional<OcclusionFieldData> baked() const { return field_.baked(); }
+
+    /// vec(R - I) of the last forward, [9 (J - 1)] in the backend's memory.
+    [[nodiscard]] Span<const T> feature() const { return feature_; }
+
+private:
+    [[nodiscard]] Span<T> start_feature_gradient() {
+        dL_dfeature_.resize(feature_.size());
+        backend_->fill(Span<T>(dL_dfeature_), T(0));
+        return dL_dfeature_;
+    }
+    void feature_backward(const ShadowInput<B, T>& input, Span<vec3<T>> dL_dpose) {
+        dL_drotations_.resize(input.rotations.size());
+        backend_->fill(Span<mat3<T>>(dL_drotations_), mat3<T>(T(0)));
+        input.skeleton.feature_backward(dL_dfeature_, dL_drotations_);
+        input.skeleton.rotations_backward(input.pose, dL_drotations_, dL_dpose);
+    }
+
+    B* backend_;
+    typename B::template Buffer<T> feature_, dL_dfeature_; // [9 (J - 1)]
+    typename B::template Buffer<mat3<T>> dL_drotations_;   // [J]
+    detail::ShadowField<B, T, Levels, Features> field_;
+};
+
+} // namespace gsh
