@@ -5,7 +5,7 @@
 /// loss compares the render with one of 48 photographs, and Adam updates the learned arrays. The seventh camera is held
 /// out. Writes 06_train_an_avatar.png, a view of that camera: truth | start | end.
 #include <gsh/avatar/rig.hpp>
-#include <gsh/avatar/skinned_gaussian.hpp>
+#include <gsh/avatar/skinned_splats.hpp>
 #include <gsh/body/region_mask.hpp>
 #include <gsh/body/surface_samples.hpp>
 #include <gsh/cpu.hpp>

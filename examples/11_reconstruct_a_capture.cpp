@@ -39,7 +39,8 @@ int main(int argc, char** argv) {
         // 3. Everything before the first step, then the training. An Observer would show each stage.
         Reconstruction<cpu::Threads> person(backend, reconstruction_input(std::move(capture), std::move(body)), recipe);
         TrainingRecord record;
-        train(person, recipe, record, {.progress = [&](double share) { std::printf("\r%3.0f%%", 100 * share); }});
+        train(person, recipe.length(), record,
+              {.progress = [&](double share) { std::printf("\r%3.0f%%", 100 * share); }});
         person.fill_unseen();
         save_avatar(folder / "11_avatar.gsh", person.avatars()[0]);
 

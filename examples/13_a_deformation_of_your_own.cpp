@@ -47,7 +47,7 @@ void story(const std::filesystem::path&) { // 2. The adjoint of Σ A² is the ce
     // 3. A model with this deformation, trained by gsh's trainer.
     Device backend;
     const examples::FilmedActor actor(backend);
-    AvatarModel<Device, SharedField<Device>, NoShadow<Device>, float, KeepVolume> model(
+    AvatarModel<Device, SharedField<Device>, NoOcclusion<Device>, float, KeepVolume> model(
         backend, actor.rig, actor.skin, actor.points, SharedField<Device>(backend, actor.points));
     AvatarScene scene(backend, model, actor.motion);
     Trainer trainer(backend, scene, photos_of(actor.capture, false), 1);

@@ -31,7 +31,7 @@ void story(const std::filesystem::path&) {
     const examples::FilmedActor actor(backend, 1000);
     const auto share_of_wide = [&](bool with_term) {
         AvatarModel model(backend, actor.rig, actor.skin, actor.points, SharedField<Device>(backend, actor.points),
-                          NoShadow<Device>(), {.log_scale_rate = 2e-2});
+                          NoOcclusion<Device>(), {.log_scale_rate = 2e-2});
         AvatarScene scene(backend, model, actor.motion);
         NoSpikes term(backend, model.learned()[2]);
         if (with_term) scene.add(term);

@@ -46,7 +46,7 @@ int run_export(const ExportOptions& options) {
     check_value(!std::filesystem::equivalent(options.input, options.to, ignored), "--to " + options.to.string(),
                 "is the input itself");
     const ExportResult result = traits.kind == ExportKind::page       ? export_page(options)
-                                : options.input.extension() == ".gsh" ? export_avatar(options, traits)
+                                : options.input.extension() == ".gsh" ? export_avatar_file(options, traits)
                                                                       : export_scene(options, traits);
     if (result.files == 0) return exit_interrupted;
     if (!result.losses.empty()) warn(result.path.string() + ": " + result.losses);

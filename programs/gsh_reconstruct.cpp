@@ -34,17 +34,17 @@ namespace {
 
 /// The configuration `static`: one frame as a 3DGS scene, without a body.
 int reconstruct_scene(Machine& machine, OutputFolder& out, const ReconstructOptions& options) {
-    const StaticSource input = load_static_source(options.capture, options.frame);
+    const StaticPhotos input = load_static_photos(machine.host(), options.capture, options.frame);
     for (const std::string& warning : input.warnings) warn(warning);
-    const StaticOptions chosen = static_options(options);
+    const StaticRecipe recipe = static_recipe(options);
     watch_interrupts();
-    const StaticResult result = reconstruct_static(machine, input, chosen);
+    const StaticResult result = reconstruct_static(machine, input, recipe);
     if (interrupted) return exit_interrupted;
-    write_static_result(out, machine, input, chosen, result);
+    write_static_result(out, machine, input, recipe, result);
     const ImageScore mean = mean_score(result.scores);
     std::printf("%llu steps in %.1f s: PSNR %s dB, SSIM %s\nresults in %s\n",
-                static_cast<unsigned long long>(result.steps), result.seconds, fixed(mean.psnr, 2).c_str(),
-                fixed(mean.ssim, 4).c_str(), options.out.c_str());
+                static_cast<unsigned long long>(result.record.steps), result.record.seconds,
+                fixed(mean.psnr, 2).c_str(), fixed(mean.ssim, 4).c_str(), options.out.c_str());
     return exit_done;
 }
 

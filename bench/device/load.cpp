@@ -148,8 +148,8 @@ TrainingLoad make_training_load(const Configuration& configuration, std::size_t 
     Capture capture = film(backend, actor, actor_motion(ActorMotion::stride, 6), studio);
     load.setup = make_canonical_setup(backend, actor, capture.motion, configuration, gaussians, 1);
     if (configuration.avatar.light)
-        load.light = even_light(static_cast<std::size_t>(configuration.avatar.light_points),
-                                static_cast<std::size_t>(configuration.avatar.light_directions), {0, 0, 0}, 4);
+        load.light = even_light(static_cast<std::size_t>(configuration.avatar.lights.points),
+                                static_cast<std::size_t>(configuration.avatar.lights.directions), {0, 0, 0}, 4);
     load.photos = photos_of(capture, false);
     for (Photo& photo : load.photos) load.pixels.push_back(crop_photo(photo)); // the capture ends here
     return load;

@@ -42,7 +42,7 @@ Motion motion() {
 /// The work of refinement in a training step: the pose of a frame, its adjoint, the regularisation terms, and Adam.
 void step(benchmark::State& state) {
     cpu::Serial backend;
-    RefinementConfig config = test_time_config();
+    RefinementParams config = test_time_params();
     if (state.range(0)) config.pose.terms = {.pull = 1e-3, .drift = 1e-3, .acceleration = 1e-3};
     MotionRefinement<cpu::Serial> refinement(backend, rig(), motion(), {}, config);
     RigPose<cpu::Serial> pose;

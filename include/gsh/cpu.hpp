@@ -37,4 +37,4 @@
 #include <gsh/loss/cpu/lpips.hpp>
 #include <gsh/loss/cpu/photometric.hpp>
 #include <gsh/avatar/cpu/occlusion_field.hpp>
-#include <gsh/avatar/cpu/skinned_gaussian.hpp>
+#include <gsh/avatar/cpu/skinned_splats.hpp>

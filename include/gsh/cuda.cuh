@@ -65,7 +65,7 @@
 #include <gsh/avatar/cuda/bone_sums.cuh>
 #include <gsh/avatar/cuda/occlusion_field.cuh>
 #include <gsh/avatar/cuda/pose_of_neurons.cuh>
-#include <gsh/avatar/cuda/skinned_gaussian.cuh>
+#include <gsh/avatar/cuda/skinned_splats.cuh>
 #include <gsh/learn/cuda/density_descent.cuh>
 #include <gsh/learn/cuda/density_limit.cuh>
 #include <gsh/learn/cuda/descent_tile.cuh>

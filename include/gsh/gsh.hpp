@@ -4,9 +4,11 @@
 
 #include <gsh/core/config.hpp>
 #include <gsh/core/deferred.hpp>
+#include <gsh/core/enum_names.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/core/lane.hpp>
 #include <gsh/core/message.hpp>
+#include <gsh/core/named_types.hpp>
 #include <gsh/core/ordered_indices.hpp>
 #include <gsh/core/prefetch.hpp>
 #include <gsh/core/rng.hpp>
@@ -79,9 +81,9 @@
 #include <gsh/body/resampled_motion.hpp>
 #include <gsh/body/rest_check.hpp>
 #include <gsh/body/rest_from_frames.hpp>
+#include <gsh/body/rest_pose.hpp>
 #include <gsh/body/retarget.hpp>
 #include <gsh/body/rig_motion.hpp>
-#include <gsh/body/rig_pose.hpp>
 #include <gsh/body/rig_up.hpp>
 #include <gsh/body/shape_directions.hpp>
 #include <gsh/body/short_spine.hpp>
@@ -174,8 +176,8 @@
 #include <gsh/avatar/mutual_shadows.hpp>
 #include <gsh/avatar/occlusion_field.hpp>
 #include <gsh/avatar/rig.hpp>
-#include <gsh/avatar/skinned_element.hpp>
 #include <gsh/avatar/skinned_gaussian.hpp>
+#include <gsh/avatar/skinned_splats.hpp>
 #include <gsh/avatar/still_frames.hpp>
 
 #include <gsh/fit/absent_people.hpp>
@@ -230,15 +232,15 @@
 #include <gsh/photo/reduced_photos.hpp>
 
 #include <gsh/model/appearance.hpp>
-#include <gsh/model/avatar_config.hpp>
 #include <gsh/model/avatar_model.hpp>
 #include <gsh/model/avatar_start.hpp>
 #include <gsh/model/canonical_points.hpp>
 #include <gsh/model/configured_avatar.hpp>
+#include <gsh/model/configured_avatar_params.hpp>
 #include <gsh/model/field_appearance.hpp>
-#include <gsh/model/field_shadow.hpp>
+#include <gsh/model/field_occlusion.hpp>
 #include <gsh/model/filled_points.hpp>
-#include <gsh/model/shadow.hpp>
+#include <gsh/model/occlusion.hpp>
 #include <gsh/model/shared_field.hpp>
 #include <gsh/model/split_appearance.hpp>
 
@@ -246,7 +248,7 @@
 #include <gsh/refine/estimated_motion.hpp>
 #include <gsh/refine/frame_increments.hpp>
 #include <gsh/refine/refinement.hpp>
-#include <gsh/refine/refinement_config.hpp>
+#include <gsh/refine/refinement_params.hpp>
 #include <gsh/refine/refinement_tables.hpp>
 
 #include <gsh/train/avatar_scene.hpp>
@@ -258,7 +260,7 @@
 #include <gsh/train/stage.hpp>
 #include <gsh/train/static_model.hpp>
 #include <gsh/train/step_history.hpp>
-#include <gsh/train/train_config.hpp>
+#include <gsh/train/train_params.hpp>
 #include <gsh/train/trainer.hpp>
 
 #include <gsh/setup/avatar_export.hpp>
@@ -268,7 +270,6 @@
 #include <gsh/setup/light_samples.hpp>
 #include <gsh/setup/posed_priors.hpp>
 #include <gsh/setup/region_labels.hpp>
-#include <gsh/setup/static_configuration.hpp>
 #include <gsh/setup/static_start.hpp>
 #include <gsh/setup/unseen_points.hpp>
 

@@ -10,11 +10,13 @@
 
 namespace gsh {
 class AnyReconstruction;
+class AnyStaticReconstruction;
 struct Observer;
 struct PixelFilter;
 struct Recipe;
 struct ReconstructionInput;
 struct ReconstructionSetup;
+struct StaticSetup;
 namespace cuda {
 class Device;
 }
@@ -25,9 +27,7 @@ struct GaussianCloud;
 namespace gsh::programs {
 
 class Renderer;
-class StaticReconstruction;
 struct ShownPeople;
-struct StaticSetup;
 
 /// Opens GPU `number`, counted from 0 as in CUDA_VISIBLE_DEVICES; `mixed`: fields compute in mixed precision.
 /// Errors  DeviceError: a program without CUDA, no driver, no such GPU, no code for its architecture.
@@ -46,7 +46,7 @@ void register_on(cuda::Device& gpu, cpu::Threads& host, ReconstructionInput& inp
 /// What make_reconstruction, make_static_reconstruction and make_renderer return for a machine with a GPU. `gpu` must
 /// outlive the result, and so must what make_… requires to.
 std::unique_ptr<AnyReconstruction> reconstruction_on(cuda::Device& gpu, ReconstructionSetup&& setup);
-std::unique_ptr<StaticReconstruction> static_reconstruction_on(cuda::Device& gpu, StaticSetup&& setup);
+std::unique_ptr<AnyStaticReconstruction> static_reconstruction_on(cuda::Device& gpu, StaticSetup&& setup);
 std::unique_ptr<Renderer> renderer_on(cuda::Device& gpu, const ShownPeople& people);
 std::unique_ptr<Renderer> renderer_on(cuda::Device& gpu, const GaussianCloud<float>& scene, const PixelFilter& filter);
 

@@ -137,7 +137,7 @@ Configuration configuration_called(const std::string& name_or_path, std::string_
 bool is_scene_configuration(const std::string& name_or_path) {
     return is_static_configuration(name_or_path);
 }
-StaticConfig scene_configuration_called(const std::string& name_or_path, std::int64_t steps) {
+StaticModelParams scene_configuration_called(const std::string& name_or_path, std::int64_t steps) {
     return find_static_configuration(name_or_path, steps);
 }
 nlohmann::ordered_json json_of_file(const std::filesystem::path& path) {

@@ -31,7 +31,7 @@ struct NamedCamera;
 struct PhotoKeypoints;
 struct PeopleCapture;
 struct RegionLists;
-struct StaticConfig;
+struct StaticModelParams;
 struct StillSplats;
 } // namespace gsh
 
@@ -86,7 +86,7 @@ Configuration configuration_called(const std::string& name_or_path, std::string_
 /// is_static_configuration.
 bool is_scene_configuration(const std::string& name_or_path);
 /// find_static_configuration.
-StaticConfig scene_configuration_called(const std::string& name_or_path, std::int64_t steps);
+StaticModelParams scene_configuration_called(const std::string& name_or_path, std::int64_t steps);
 /// Reads any JSON file.
 /// Errors  IoError naming the file.
 nlohmann::ordered_json json_of_file(const std::filesystem::path& path);

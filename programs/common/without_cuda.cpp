@@ -30,7 +30,7 @@ void register_on(cuda::Device&, cpu::Threads&, ReconstructionInput&, const Recip
 std::unique_ptr<AnyReconstruction> reconstruction_on(cuda::Device&, ReconstructionSetup&&) {
     refuse_cuda();
 }
-std::unique_ptr<StaticReconstruction> static_reconstruction_on(cuda::Device&, StaticSetup&&) {
+std::unique_ptr<AnyStaticReconstruction> static_reconstruction_on(cuda::Device&, StaticSetup&&) {
     refuse_cuda();
 }
 std::unique_ptr<Renderer> renderer_on(cuda::Device&, const ShownPeople&) {

@@ -7,7 +7,7 @@
 #include <gsh/core/error.hpp>
 #include <gsh/core/message.hpp>
 #include <gsh/io/file/named_path.hpp>
-#include <gsh/setup/static_configuration.hpp>
+#include <gsh/train/static_model.hpp>
 
 #include <algorithm>
 #include <cctype>
@@ -46,7 +46,7 @@ std::string file_word(const std::string& name) {
 Json settings_json(const Run& run) {
     Json json = Json::object();
     if (run.scene) {
-        const StaticOptions scene = static_options(run.options);
+        const StaticRecipe scene = static_recipe(run.options);
         json["frame"] = std::to_string(run.options.frame);
         json["points"] = std::to_string(scene.points);
         for (const auto& [key, value] : settings_of(scene.config)) json[key] = value;

@@ -127,10 +127,10 @@ std::string training_protocol(const Run& run, std::uint64_t steps, const Machine
     const double share =
         static_cast<double>(steps - 1) / static_cast<double>(std::max<std::uint64_t>(1, run.options.steps));
     if (!run.scene && run.options.seconds == 0) {
-        const AvatarConfig& avatar = run.configuration.avatar;
-        if (avatar.ao != AmbientOcclusion::none && share < avatar.ao_start)
+        const ConfiguredAvatarParams& avatar = run.configuration.avatar;
+        if (avatar.ao != AmbientOcclusion::none && share < avatar.model.occlusion_start)
             text += "; ambient occlusion, which joins later, is not part of it yet";
-        if (share < avatar.sh_start) text += "; colours do not depend on the direction yet";
+        if (share < avatar.model.sh_start) text += "; colours do not depend on the direction yet";
     }
     return text + "; " + (run.scene ? "at most " : "") + detail::grouped(run.options.gaussians) + " Gaussians, seed " +
            std::to_string(run.options.seed) + ".";
@@ -147,14 +147,14 @@ Evaluator::Evaluator(Machine& machine, const ReconstructionInput& input, const E
 
 void Evaluator::check(const Run& run) const {
     if (!run.scene) return;
-    const StaticSource scene = scene_of(run);
+    const StaticPhotos scene = scene_of(run);
     check_value(scene.training.size() > 1 && !scene.test.empty(), "static",
                 "needs two training cameras and a test camera; " + input_.capture.name + " has " +
                     std::to_string(scene.training.size()) + " and " + std::to_string(scene.test.size()));
 }
 
-StaticSource Evaluator::scene_of(const Run& run) const {
-    StaticSource scene = static_source(input_.capture, run.options.frame);
+StaticPhotos Evaluator::scene_of(const Run& run) const {
+    StaticPhotos scene = static_photos_of(input_.capture, run.options.frame);
     char frame[16];
     std::snprintf(frame, sizeof frame, "_%04zu", run.options.frame);
     for (auto* photos : {&scene.training, &scene.test})
@@ -227,24 +227,26 @@ bool Evaluator::evaluate_avatar(const Run& run, EvaluationFolder& folder, const 
 }
 
 bool Evaluator::evaluate_scene(const Run& run, EvaluationFolder& folder, const std::string& title) {
-    const StaticSource scene = scene_of(run);
-    const auto made = make_static_reconstruction(machine_, scene, static_options(run.options));
-    StaticReconstruction& reconstruction = *made;
+    const StaticPhotos scene = scene_of(run);
+    const StaticRecipe recipe = static_recipe(run.options);
+    const auto made = make_static_reconstruction(machine_, scene, recipe);
+    AnyStaticReconstruction& reconstruction = *made;
+    TrainingRecord record;
     folder.add(run);
     RunResult result{
         .name = run.name, .config = run.config, .settings = run.settings, .computed_on = machine_.computed_on()};
     OutputFolder out(run.options.out);
     for (const std::uint64_t goal : run.marks) {
-        reconstruction.train(goal, title);
+        train_shown(reconstruction, recipe, record, title, goal);
         if (interrupted) return false;
-        Mark mark{.steps = goal, .seconds = reconstruction.seconds, .after = after(run, goal)};
+        Mark mark{.steps = goal, .seconds = record.seconds, .after = after(run, goal)};
         mark.protocol = "Test views of " + scene.name + " (" + std::to_string(scene.test.size()) +
                         " images), the only frame in training: no body, no poses, " +
                         std::to_string(scene.training.size()) + " images; white background in training and test, " +
                         measures_of(judge_) + " " + training_protocol(run, goal, machine_);
         result.cost.gaussians = reconstruction.size();
         result.cost.memory = resident_bytes();
-        result.cost.ms_per_step = 1e3 * reconstruction.seconds / static_cast<double>(goal);
+        result.cost.ms_per_step = 1e3 * record.seconds / static_cast<double>(goal);
         if (!judge(reconstruction, scene.test, {}, mark, goal == run.marks.back() ? &out : nullptr, result))
             return false;
         result.marks.push_back(std::move(mark));

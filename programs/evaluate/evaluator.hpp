@@ -15,13 +15,16 @@
 #include <string>
 #include <vector>
 
+namespace gsh {
+struct StaticPhotos;
+} // namespace gsh
+
 namespace gsh::programs {
 
 class EvaluationFolder;
 class Machine;
 struct EvaluateOptions;
 struct Run;
-struct StaticSource;
 
 /// Trains and evaluates runs on one input. Input and machine must outlive it.
 class Evaluator {
@@ -49,7 +52,7 @@ private:
     bool judge(Trained& trained, const std::vector<Photo>& photos, const std::optional<MotionSplit>& split, Mark& mark,
                OutputFolder* out, RunResult& result);
 
-    [[nodiscard]] StaticSource scene_of(const Run& run) const;
+    [[nodiscard]] StaticPhotos scene_of(const Run& run) const;
 
     Machine& machine_;
     const ReconstructionInput& input_;

@@ -159,7 +159,7 @@ ExportResult write_usda(Exported& exported, const ExportOptions& o) {
 
 } // namespace
 
-ExportResult export_avatar(const ExportOptions& o, const FormatTraits& traits) {
+ExportResult export_avatar_file(const ExportOptions& o, const FormatTraits& traits) {
     Exported exported(o, traits);
     watch_interrupts();
     if (traits.kind == ExportKind::avatar) return write_compact(exported, o);

@@ -27,7 +27,7 @@ struct ExportResult {
 
 /// Exports an avatar as the options say.
 /// Errors  those of the files and of the writers; ValueError for a frame that the motion does not have.
-ExportResult export_avatar(const ExportOptions& options, const FormatTraits& traits);
+ExportResult export_avatar_file(const ExportOptions& options, const FormatTraits& traits);
 
 /// The order in which a format stores Gaussians best; empty for their own.
 std::vector<std::uint32_t> order_for(const FormatTraits& traits, const GaussianCloud<float>& cloud);

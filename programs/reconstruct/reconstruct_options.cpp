@@ -5,7 +5,7 @@
 
 #include <gsh/core/error.hpp>
 #include <gsh/setup/configuration.hpp>
-#include <gsh/setup/static_configuration.hpp>
+#include <gsh/train/static_model.hpp>
 
 #include <charconv>
 #include <system_error>
@@ -103,8 +103,8 @@ Configuration configuration_of(const ReconstructOptions& o) {
     return configuration;
 }
 
-StaticConfig scene_configuration_of(const ReconstructOptions& o) {
-    StaticConfig config = scene_configuration_called(o.config.value(), static_cast<std::int64_t>(o.steps));
+StaticModelParams scene_configuration_of(const ReconstructOptions& o) {
+    StaticModelParams config = scene_configuration_called(o.config.value(), static_cast<std::int64_t>(o.steps));
     set_all(config, o.set);
     config.density.max_gaussians = o.gaussians;
     return config;

@@ -15,7 +15,7 @@
 
 namespace gsh {
 struct Configuration;
-struct StaticConfig;
+struct StaticModelParams;
 } // namespace gsh
 
 namespace gsh::programs {
@@ -73,7 +73,7 @@ bool is_scene(const ReconstructOptions& o);
 Configuration configuration_of(const ReconstructOptions& o);
 
 /// The same for the configuration of a static scene.
-StaticConfig scene_configuration_of(const ReconstructOptions& o);
+StaticModelParams scene_configuration_of(const ReconstructOptions& o);
 
 /// The span of --hold-out-motion. SHARE is the last share of the motion, A:B are its frames from A to B.
 /// Errors  ValueError for a text that is neither a number above 0 and below 1 nor two frames with a colon.

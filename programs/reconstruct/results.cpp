@@ -86,9 +86,9 @@ std::string protocol_of(const ReconstructOptions& o, const ReconstructionInput& 
     return "Test views of " + input.capture.name + " (" + std::to_string(setup.test_photos.size()) +
            " images), poses of " + poses_text(o) +
            (input.registration ? ", registered to the training images before training" : "") +
-           (!o.refine                  ? ", as given, not refined"
-            : configuration.test_steps ? ", refined in training and fitted to the test images at test time"
-                                       : ", refined in training, not fitted to the test images") +
+           (!o.refine                      ? ", as given, not refined"
+            : configuration.test_fit.steps ? ", refined in training and fitted to the test images at test time"
+                                           : ", refined in training, not fitted to the test images") +
            (o.priors.empty() ? "" : ", geometric priors of " + o.priors.filename().string()) + ", " + background +
            ", " + measures_of(judge) +
            (input.people.size() > 1

@@ -34,7 +34,7 @@ void train_shown(AnyReconstruction& reconstruction, const Recipe& recipe, const 
     events.stop = [] { return interrupted.load(); };
     events.checkpoint = [&] { save_checkpoint(checkpoint_path(options), reconstruction, record, options.given); };
     events.checkpoint_interval = options.checkpoint_interval;
-    naming_checkpoint(record, [&] { train(reconstruction, recipe, record, events, until); });
+    naming_checkpoint(record, [&] { train(reconstruction, recipe.length(), record, events, until); });
 }
 
 } // namespace gsh::programs

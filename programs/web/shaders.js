@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The programs of the client engine. Equations as in include/gsh/avatar/skinned_element.hpp (posing, colour),
+// The programs of the client engine. Equations as in include/gsh/avatar/skinned_gaussian.hpp (posing, colour),
 // include/gsh/render/projection.hpp and rasterizer.hpp (drawing), programs/view/ellipsoids.hpp (solids).
 "use strict";
 

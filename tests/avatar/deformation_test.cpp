@@ -2,8 +2,8 @@
 #include "support/gradient.hpp"
 #include "support/skinned_scene.hpp"
 
-#include <gsh/avatar/cpu/skinned_gaussian.hpp>
-#include <gsh/avatar/skinned_gaussian.hpp>
+#include <gsh/avatar/cpu/skinned_splats.hpp>
+#include <gsh/avatar/skinned_splats.hpp>
 #include <gsh/backend/serial.hpp>
 #include <gsh/backend/threads.hpp>
 #include <gsh/body/skeleton.hpp>

@@ -110,19 +110,19 @@ TEST_CASE_TEMPLATE("a prepared pose gives the same bits", B, cpu::Serial, cpu::T
     rig.upload_pose(f.motion, 0, pose);
     const auto expected = results();
     rig.prepare(pose);
-    CHECK(rig.shape_bytes() == sizeof(double) * (9 * 4 + pose.shape.coefficients.size() +
-                                                 3 * pose.shape.vertex_offsets.size()));
+    CHECK(rig.prepared_bytes() ==
+          sizeof(double) * (9 * 4 + pose.prepared.blend_coefficients.size() + 3 * pose.prepared.vertex_offsets.size()));
     cache = {};
     CHECK(results() == expected);
-    CHECK(cache.shape.empty()); // it was read from the pose
+    CHECK(cache.prepared.empty()); // it was read from the pose
 
     f.motion.pose[1] = rng.vec(); // another pose: upload_pose forgets the shape of the last one
     rig.upload_pose(f.motion, 0, pose);
-    CHECK(pose.shape.empty());
+    CHECK(pose.prepared.empty());
     CHECK(results() != expected);
 
     rig.prepare(pose);
-    pose.shape.vertex_offsets.resize(3);
+    pose.prepared.vertex_offsets.resize(3);
     CHECK_THROWS_AS(rig.forward(pose, f.data.joints, cache), ShapeError);
 }
 

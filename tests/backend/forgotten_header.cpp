@@ -11,7 +11,7 @@ void use(gsh::cpu::Serial& backend) {
     gsh::test::use_photometric_loss(backend);
     gsh::test::use_lpips(backend, {});
     gsh::test::use_adam(backend);
-    gsh::test::use_skinned_gaussians(backend);
+    gsh::test::use_skinned_splats(backend);
     gsh::test::use_static_gaussians(backend);
     gsh::test::use_blend_shapes(backend);
     gsh::test::use_occlusion_field(backend);

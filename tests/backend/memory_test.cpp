@@ -4,7 +4,7 @@
 #include "support/guarded.hpp"
 
 #include <gsh/avatar/avatar.hpp>
-#include <gsh/avatar/skinned_gaussian.hpp>
+#include <gsh/avatar/skinned_splats.hpp>
 #include <gsh/backend/memory.hpp>
 #include <gsh/backend/serial.hpp>
 #include <gsh/backend/threads.hpp>

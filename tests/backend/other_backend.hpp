@@ -3,7 +3,7 @@
 #pragma once
 
 #include <gsh/avatar/occlusion_field.hpp>
-#include <gsh/avatar/skinned_gaussian.hpp>
+#include <gsh/avatar/skinned_splats.hpp>
 #include <gsh/backend/backend.hpp>
 #include <gsh/backend/sum.hpp>
 #include <gsh/body/blend_shapes.hpp>

@@ -20,7 +20,7 @@ TEST_CASE("a backend beside the CPU's runs every component by its own overloads,
     test::use_photometric_loss(device);
     test::use_lpips(device, test::with_noise(lpips_alexnet()));
     test::use_adam(device);
-    test::use_skinned_gaussians(device);
+    test::use_skinned_splats(device);
     test::use_static_gaussians(device);
     test::use_blend_shapes(device);
     test::use_occlusion_field(device);

@@ -22,7 +22,7 @@ else()
   if(NOT refused)
     message(FATAL_ERROR "${source} compiles without the headers of its backend's overloads")
   endif()
-  foreach(header IN ITEMS avatar/cpu/occlusion_field avatar/cpu/skinned_gaussian backend/cpu/sum body/cpu/blend_shapes
+  foreach(header IN ITEMS avatar/cpu/occlusion_field avatar/cpu/skinned_splats backend/cpu/sum body/cpu/blend_shapes
                           field/cpu/hash_grid field/cpu/mlp gaussian/cpu/static_gaussian light/cpu/lit_splats
                           light/cpu/shadow_map loss/cpu/lpips loss/cpu/photometric optim/cpu/adam
                           render/cpu/rasterizer)

@@ -3,7 +3,7 @@
 #pragma once
 
 #include <gsh/avatar/occlusion_field.hpp>
-#include <gsh/avatar/skinned_gaussian.hpp>
+#include <gsh/avatar/skinned_splats.hpp>
 #include <gsh/body/blend_shapes.hpp>
 #include <gsh/body/skeleton.hpp>
 #include <gsh/field/hash_field.hpp>
@@ -92,7 +92,7 @@ void use_adam(B& backend) {
 }
 
 template <class B>
-void use_skinned_gaussians(B& backend) {
+void use_skinned_splats(B& backend) {
     for (const Deformation deformation : {Deformation::linear, Deformation::polar, Deformation::dual_quaternion}) {
         SkinnedScene<float> scene(2, 9, 9, 1), gradient = scene;
         SplatArrays<float> splats(2);

@@ -9,6 +9,8 @@
 #include <limits>
 #include <string>
 #include <string_view>
+#include <utility>
+#include <vector>
 
 using namespace gsh;
 
@@ -35,7 +37,7 @@ void refuse_setting(V value, const std::string& text, const SettingRange& range,
 } // namespace
 
 template <>
-struct gsh::detail::EnumNames<Fruit> {
+struct gsh::EnumNames<Fruit> {
     static constexpr std::array<std::string_view, 3> names{"apple", "pear", "plum"};
 };
 
@@ -122,4 +124,63 @@ TEST_CASE("a text that is no value of the setting is refused with what was expec
     for (const char* text : {"yes", "1", "True", ""}) refuse_setting(true, text, any, "true or false");
     for (const char* text : {"Pear", "pea", "cherry", "1", ""})
         refuse_setting(Fruit::plum, text, any, "one of apple, pear, plum");
+}
+
+namespace {
+
+struct Basket {
+    double weight = 2;
+    int count = 3;
+
+    template <class Self, class F>
+    static void for_each_setting(Self& self, const F& f) {
+        f("basket.weight", self.weight, SettingRange::above(0));
+        f("basket.count", self.count, SettingRange::at_least(1));
+    }
+};
+
+struct Market {
+    bool open = true;
+    Fruit fruit = Fruit::pear;
+    std::string name = {};
+    Basket basket;
+
+    template <class Self, class F>
+    static void for_each_setting(Self& self, const F& f) {
+        f("open", self.open, SettingRange());
+        f("fruit", self.fruit, SettingRange());
+        f("name", self.name, SettingRange());
+        Basket::for_each_setting(self.basket, f);
+    }
+};
+
+} // namespace
+
+TEST_CASE("a struct lists its settings and those of its parts, and text sets them") {
+    Market market;
+    using Texts = std::vector<std::pair<std::string, std::string>>;
+    CHECK(settings_of(market) ==
+          Texts{{"open", "true"}, {"fruit", "pear"}, {"name", ""}, {"basket.weight", "2"}, {"basket.count", "3"}});
+    set_setting(market, "basket.weight", "0.5", "--set");
+    set_setting(market, "fruit", "plum", "--set");
+    set_setting(market, "name", "north, 2nd", "--set");
+    CHECK(market.basket.weight == 0.5);
+    CHECK(market.fruit == Fruit::plum);
+    CHECK(market.name == "north, 2nd");
+    CHECK_THROWS_WITH_AS(set_setting(market, "basket", "1", "--set"),
+                         "--set: there is no setting 'basket'; docs/configurations.md lists them", ValueError);
+}
+
+TEST_CASE("numbers out of their range are refused by the part that uses them") {
+    CHECK_NOTHROW(check_ranges("Market", Market()));
+    const auto refused = [](const Basket& basket, const char* message) {
+        CHECK_THROWS_WITH_AS(check_ranges("Market", Market{.basket = basket}), message, ValueError);
+    };
+    refused({.weight = 0}, "Market: basket.weight is 0, expected a finite number above 0");
+    refused({.weight = -1}, "Market: basket.weight is -1, expected a finite number above 0");
+    refused({.weight = std::numeric_limits<double>::infinity()},
+            "Market: basket.weight is inf, expected a finite number above 0");
+    refused({.weight = std::numeric_limits<double>::quiet_NaN()},
+            "Market: basket.weight is nan, expected a finite number above 0");
+    refused({.count = 0}, "Market: basket.count is 0, expected a whole number of at least 1");
 }

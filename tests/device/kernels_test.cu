@@ -6,7 +6,7 @@
 #include <gsh/avatar/facing_weights.hpp>
 #include <gsh/avatar/occlusion_field.hpp>
 #include <gsh/avatar/rig.hpp>
-#include <gsh/avatar/skinned_gaussian.hpp>
+#include <gsh/avatar/skinned_splats.hpp>
 #include <gsh/body/posed_surface.hpp>
 #include <gsh/body/skeleton.hpp>
 #include <gsh/body/skinning.hpp>

@@ -5,7 +5,7 @@
 
 #include "support/skinned_scene.hpp"
 
-#include <gsh/avatar/skinned_gaussian.hpp>
+#include <gsh/avatar/skinned_splats.hpp>
 #include <gsh/backend/serial.hpp>
 #include <gsh/camera/pinhole.hpp>
 #include <gsh/core/config.hpp>

@@ -31,8 +31,9 @@ int main(int argc, char** argv) try {
         return 2;
     }
     const test::SmallScene scene;
-    test::SmallTraining<cpu::Threads> training(scene, cpu::Threads(2), 3,
-                                               {.ao = AmbientOcclusion::time, .rates = test::small_rates});
+    test::SmallTraining<cpu::Threads> training(
+        scene, cpu::Threads(2), 3,
+        {.appearance = {.sh_rate = test::small_sh_rate}, .ao = AmbientOcclusion::time, .model = {.quat_rate = 0}});
     for (int step = 0; step < 60; ++step) training.trainer.step(step / 60.0);
     Image<float> picture;
     training.trainer.render(scene.photos[0], picture);

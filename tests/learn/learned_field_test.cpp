@@ -28,12 +28,13 @@ struct SmallField {
 
     explicit SmallField(B where = B(), const FieldStart& start = {.seed = 5, .stream = 1})
         : backend(std::move(where)),
-          field(backend, {.name = "small",
-                          .sizes = {.base = 3, .growth = 1.6, .table_size = 64, .width = 8, .hidden_layers = 1},
-                          .outputs = output_count,
-                          .point_inputs = 2,
-                          .shared_inputs = 4,
-                          .start = start}) {
+          field(backend,
+                {.name = "small",
+                 .sizes = {.grid = {.base = 3, .growth = 1.6, .table_size = 64}, .width = 8, .hidden_layers = 1},
+                 .outputs = output_count,
+                 .point_inputs = 2,
+                 .shared_inputs = 4,
+                 .start = start}) {
         test::Rng rng(4);
         const auto points = rng.vecs(point_count, 0.05, 0.95);
         field.field().prepare(backend, Span<const vec3<double>>(points), query);

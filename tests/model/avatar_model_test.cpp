@@ -55,7 +55,7 @@ struct Chain {
     Image<double> render{3, 40, 36};
 
     /// A configuration at the size of this test. Priors are off unless `config` sets them.
-    explicit Chain(AvatarConfig config = {.heads = Heads::separate}, bool with_priors = false)
+    explicit Chain(ConfiguredAvatarParams config = {.heads = Heads::separate}, bool with_priors = false)
         : model(make(backend, rig, samples, config, with_priors ? priors(samples.size()) : CanonicalPriors(),
                      config.light ? lit(backend) : ModelLight<B, double>())) {
         test::Rng rng(8);
@@ -90,8 +90,9 @@ struct Chain {
         splats.resize(model.size());
     }
 
-    static Model make(B& backend, const RigData& rig, const SurfaceSamples& samples, const AvatarConfig& config,
-                      const CanonicalPriors& priors = {}, ModelLight<B, double> light = {}) {
+    static Model make(B& backend, const RigData& rig, const SurfaceSamples& samples,
+                      const ConfiguredAvatarParams& config, const CanonicalPriors& priors = {},
+                      ModelLight<B, double> light = {}) {
         return make_avatar<B, double, 3, 2, 2>(backend, rig, samples, frame_count, 5, small(config), priors, light);
     }
     /// Shadows have no gradient, so the loss must not depend on them.
@@ -103,12 +104,13 @@ struct Chain {
         light.gloss = {-1.5, 1.5};
         return {std::make_shared<LearnedLight<B, double>>(backend, light)};
     }
-    static AvatarConfig small(AvatarConfig config) {
-        config.hash_base = 3, config.hash_growth = 1.6, config.hash_table_size = 128, config.ao_table_size = 64;
-        config.mlp_width = 8, config.mlp_hidden_layers = 1;
-        config.fine_level = 1;
-        config.initial_opacity = 0.4, config.sh_dc_scale = 2;
-        config.ao_start = 0;
+    static ConfiguredAvatarParams small(ConfiguredAvatarParams config) {
+        config.appearance.field.grid.base = 3, config.appearance.field.grid.growth = 1.6,
+        config.appearance.field.grid.table_size = 128, config.occlusion.grid.table_size = 64;
+        config.appearance.field.width = 8, config.appearance.field.hidden_layers = 1;
+        config.appearance.fine_level = 1;
+        config.model.initial_opacity = 0.4, config.appearance.sh_dc_scale = 2;
+        config.model.occlusion_start = 0;
         return config;
     }
     static CanonicalPriors priors(std::size_t count) {
@@ -184,7 +186,8 @@ namespace {
 
 /// Checks every array that the configuration has, and the pose.
 template <class B>
-void check_chain(const AvatarConfig& config, bool with_priors, std::initializer_list<std::string_view> expected) {
+void check_chain(const ConfiguredAvatarParams& config, bool with_priors,
+                 std::initializer_list<std::string_view> expected) {
     Chain<B> chain(config, with_priors);
     auto gradient = chain.gradient();
     const auto loss = [&] { return chain.loss(); };
@@ -204,43 +207,45 @@ TEST_CASE_TEMPLATE("the whole chain's adjoint is the gradient of the loss", B, c
                        {"joints", "quats", "log_scales", "opacity_logits", "displacement_field.table",
                         "displacement_field.network", "sh_field.table", "sh_field.network"});
     }
-    SUBCASE("one head, regions, priors, shadows that know the time") {
+    SUBCASE("one head, regions, priors, ambient occlusion that knows the time") {
         check_chain<B>({.ao = AmbientOcclusion::time}, true,
                        {"joints", "quats", "log_scales", "opacity_logits", "shared_field.table", "shared_field.network",
                         "shadow_field.table", "shadow_field.network"});
     }
     SUBCASE("a table each for coarse and fine, heads that know the time") {
-        check_chain<B>({.head_time = true, .separate_tables = true}, true,
+        check_chain<B>({.head_time = true, .appearance = {.separate_tables = true}}, true,
                        {"shared_field.table", "shared_field.network"});
     }
-    SUBCASE("nothing from fields, shadows that know the pose") {
-        check_chain<B>({.hash_displacement = false, .hash_sh = false, .ao = AmbientOcclusion::pose, .largest_ao = 1.7},
-                       false, {"displacements", "sh", "shadow_field.table", "shadow_field.network"});
+    SUBCASE("nothing from fields, ambient occlusion that knows the pose") {
+        check_chain<B>(
+            {.hash_displacement = false, .hash_sh = false, .ao = AmbientOcclusion::pose, .occlusion = {.largest = 1.7}},
+            false, {"displacements", "sh", "shadow_field.table", "shadow_field.network"});
     }
     SUBCASE("colours from a field alone, polar blending") {
-        check_chain<B>({.hash_displacement = false, .deformation = Deformation::polar}, true,
+        check_chain<B>({.hash_displacement = false, .model = {.deformation = Deformation::polar}}, true,
                        {"displacements", "sh_field.table", "sh_field.network"});
     }
     SUBCASE("light on the posed mesh") {
         // Colours above 1 pass a gradient only downwards, so here they are not clamped there.
-        check_chain<B>({.light = true, .clamping = ColorClamp::below, .rates = {.light_normals = 5e-3}}, true,
-                       {"joints", "shared_field.table", "normal_offsets", "light_points", "light_log_intensities",
-                        "light_gloss"});
+        check_chain<B>(
+            {.light = true, .model = {.clamping = ColorClamp::below, .normal_offset_rate = 5e-3}}, true,
+            {"joints", "shared_field.table", "normal_offsets", "light_points", "light_log_intensities", "light_gloss"});
     }
     SUBCASE("colours that do not depend on the direction yet") {
-        check_chain<B>({.sh_start = 0.5}, false, {"joints", "shared_field.table", "shared_field.network"});
+        check_chain<B>({.model = {.sh_start = 0.5}}, false, {"joints", "shared_field.table", "shared_field.network"});
     }
     SUBCASE("displacements from a field alone, dual quaternions") {
-        check_chain<B>({.hash_sh = false, .deformation = Deformation::dual_quaternion}, true,
+        check_chain<B>({.hash_sh = false, .model = {.deformation = Deformation::dual_quaternion}}, true,
                        {"sh", "displacement_field.table", "displacement_field.network"});
     }
 }
 
 TEST_CASE("each backward pass adds, and its sum is the same on threads bit for bit") {
-    for (const AvatarConfig& config :
-         {AvatarConfig{.ao = AmbientOcclusion::pose},
-          AvatarConfig{.heads = Heads::separate, .head_time = true, .ao = AmbientOcclusion::time},
-          AvatarConfig{.hash_displacement = false, .hash_sh = false}, AvatarConfig{.light = true}}) {
+    for (const ConfiguredAvatarParams& config :
+         {ConfiguredAvatarParams{.ao = AmbientOcclusion::pose},
+          ConfiguredAvatarParams{.heads = Heads::separate, .head_time = true, .ao = AmbientOcclusion::time},
+          ConfiguredAvatarParams{.hash_displacement = false, .hash_sh = false},
+          ConfiguredAvatarParams{.light = true}}) {
         Chain<cpu::Serial> chain(config, true);
         Chain<cpu::Threads> threaded(config, true);
         const auto once = chain.gradient(), twice = chain.gradient(2);
@@ -260,34 +265,34 @@ TEST_CASE("each backward pass adds, and its sum is the same on threads bit for b
 TEST_CASE("ambient occlusion starts the same everywhere, and as it was asked to") {
     Chain<cpu::Serial> chain;
     auto model = Chain<cpu::Serial>::make(chain.backend, chain.rig, chain.samples,
-                                          {.ao = AmbientOcclusion::time, .initial_ao = 0.9});
-    const auto shadow = model.ao(chain.pose, chain.frame);
-    REQUIRE(shadow.size() == model.size());
-    for (const double ao : shadow) CHECK(ao == doctest::Approx(0.9));
-    CHECK_THROWS_AS((void)chain.model.ao(chain.pose, chain.frame), ValueError); // it has no shadow
+                                          {.ao = AmbientOcclusion::time, .occlusion = {.initial = 0.9}});
+    const auto factors = model.ao(chain.pose, chain.frame);
+    REQUIRE(factors.size() == model.size());
+    for (const double ao : factors) CHECK(ao == doctest::Approx(0.9));
+    CHECK_THROWS_AS((void)chain.model.ao(chain.pose, chain.frame), ValueError); // it has none
 }
 
-TEST_CASE("a shadow joins when the run has come to its start") {
+TEST_CASE("ambient occlusion joins when the run has come to its start") {
     Chain<cpu::Serial> chain({.ao = AmbientOcclusion::time});
-    CHECK(chain.model.casts_shadow());
+    CHECK(chain.model.occludes());
     auto config = Chain<cpu::Serial>::small({.ao = AmbientOcclusion::time});
-    config.ao_start = 0.3;
+    config.model.occlusion_start = 0.3;
     auto model = make_avatar<cpu::Serial, double, 3, 2, 2>(chain.backend, chain.rig, chain.samples,
                                                            Chain<cpu::Serial>::frame_count, 5, config);
-    CHECK(!model.casts_shadow());
+    CHECK(!model.occludes());
     model.update_canonical(chain.frame);
     model.pose(chain.pose, chain.frame, chain.camera.center(), chain.splats.view());
     CHECK(model.cache().ao.size() == 0);
     model.set_progress(0.3);
-    CHECK(model.casts_shadow());
+    CHECK(model.occludes());
     model.pose(chain.pose, chain.frame, chain.camera.center(), chain.splats.view());
     CHECK(model.cache().ao.size() == model.size());
     model.set_progress(0.29);
-    CHECK(!model.casts_shadow());
+    CHECK(!model.occludes());
 }
 
 TEST_CASE("colours depend on the direction from sh_start on") {
-    Chain<cpu::Serial> chain({.hash_sh = false, .sh_start = 0.3});
+    Chain<cpu::Serial> chain({.hash_sh = false, .model = {.sh_start = 0.3}});
     const auto colors_from = [&](const vec3<double>& center) {
         chain.model.update_canonical(chain.frame);
         chain.model.pose(chain.pose, chain.frame, center, chain.splats.view());
@@ -331,7 +336,7 @@ TEST_CASE("Gaussians start flat on the surface, or round") {
     auto samples = chain.samples;
     samples.normals[0] = vec3<double>(0); // unknown
     const auto start = [&](double thickness) {
-        return Chain<cpu::Serial>::make(chain.backend, chain.rig, samples, {.initial_thickness = thickness});
+        return Chain<cpu::Serial>::make(chain.backend, chain.rig, samples, {.model = {.initial_thickness = thickness}});
     };
     auto flat_model = start(0.25), round_model = start(1);
     const SkinnedView<const double> flat = flat_model.gaussians(), round = round_model.gaussians();
@@ -361,9 +366,9 @@ TEST_CASE("fine levels cost nothing where the region is not") {
 TEST_CASE("a box about a slim body has more of its cells on the body than a cube") {
     Chain<cpu::Serial> chain;
     auto config = Chain<cpu::Serial>::small({.heads = Heads::separate});
-    config.hash_table_size = 1u << 16; // no collisions
+    config.appearance.field.grid.table_size = 1u << 16; // no collisions
     const auto touched = [&](FieldBounds bounds) {
-        config.bounds = bounds;
+        config.points.bounds = bounds;
         auto model = make_avatar<cpu::Serial, double, 3, 2, 2>(chain.backend, chain.rig, chain.samples,
                                                                Chain<cpu::Serial>::frame_count, 5, config);
         return test::learned_array(model, "sh_field.table").touched_rows.size();
@@ -414,7 +419,7 @@ TEST_CASE("the model refuses what does not fit") {
     Chain<cpu::Serial> chain;
     auto fewer = chain.samples;
     fewer.positions.pop_back();
-    const auto make = [&](const SurfaceSamples& samples, const AvatarConfig& config = {},
+    const auto make = [&](const SurfaceSamples& samples, const ConfiguredAvatarParams& config = {},
                           const CanonicalPriors& priors = {}) {
         return make_avatar<cpu::Serial, double, 3, 2, 2>(chain.backend, chain.rig, samples,
                                                          Chain<cpu::Serial>::frame_count, 1, config, priors);
@@ -423,14 +428,14 @@ TEST_CASE("the model refuses what does not fit") {
     auto no_normals = chain.samples;
     no_normals.normals.pop_back();
     CHECK_THROWS_AS(make(no_normals), ShapeError);
-    CHECK_THROWS_AS(make(chain.samples, {.initial_opacity = 1}), ValueError);
-    CHECK_THROWS_AS(make(chain.samples, {.initial_ao = 0}), ValueError);
-    CHECK_THROWS_AS(make(chain.samples, {.initial_thickness = 0}), ValueError);
-    CHECK_THROWS_AS(make(chain.samples, {.initial_thickness = 1.5}), ValueError);
-    CHECK_THROWS_AS(make(chain.samples, {.bounds_margin = 0}), ValueError);
-    CHECK_THROWS_AS(make(chain.samples, {.prior_scale = 0}), ValueError);
-    CHECK_THROWS_AS(make(chain.samples, {.ao_start = -0.1}), ValueError);
-    CHECK_THROWS_AS(make(chain.samples, {.sh_start = -0.1}), ValueError);
+    CHECK_THROWS_AS(make(chain.samples, {.model = {.initial_opacity = 1}}), ValueError);
+    CHECK_THROWS_AS(make(chain.samples, {.occlusion = {.initial = 0}}), ValueError);
+    CHECK_THROWS_AS(make(chain.samples, {.model = {.initial_thickness = 0}}), ValueError);
+    CHECK_THROWS_AS(make(chain.samples, {.model = {.initial_thickness = 1.5}}), ValueError);
+    CHECK_THROWS_AS(make(chain.samples, {.points = {.bounds_margin = 0}}), ValueError);
+    CHECK_THROWS_AS(make(chain.samples, {.points = {.prior_scale = 0}}), ValueError);
+    CHECK_THROWS_AS(make(chain.samples, {.model = {.occlusion_start = -0.1}}), ValueError);
+    CHECK_THROWS_AS(make(chain.samples, {.model = {.sh_start = -0.1}}), ValueError);
     CHECK_THROWS_AS(make(chain.samples, {}, {std::vector<double>(chain.samples.size(), 0.5), {}}),
                     ValueError); // level 12, but there are 3
     CHECK_THROWS_AS(make(chain.samples, {.hash_displacement = false, .hash_sh = false, .head_time = true}), ValueError);
@@ -440,13 +445,13 @@ TEST_CASE("the model refuses what does not fit") {
     const auto points = std::make_shared<const CanonicalPoints<cpu::Serial, double>>(
         chain.backend, Span<const vec3<double>>(fewer.positions));
     using Stored = StoredAttributes<cpu::Serial, double, 2, 3, 2>;
-    using Model = AvatarModel<cpu::Serial, Stored, NoShadow<cpu::Serial, double>, double>;
+    using Model = AvatarModel<cpu::Serial, Stored, NoOcclusion<cpu::Serial, double>, double>;
     CHECK_THROWS_AS(Model(chain.backend, chain.rig, chain.samples, points, Stored(chain.backend, points)), ShapeError);
 }
 
-TEST_CASE("a pose's gradient through its shadows, the avatar being what it is") {
+TEST_CASE("a pose's gradient through its ambient occlusion, the avatar being what it is") {
     using B = cpu::Serial;
-    Chain<B> chain({.ao = AmbientOcclusion::pose, .largest_ao = 1.7});
+    Chain<B> chain({.ao = AmbientOcclusion::pose, .occlusion = {.largest = 1.7}});
     test::Rng rng(12);
     Splats<B, double> weights;
     weights.resize(chain.model.size());
@@ -473,8 +478,8 @@ TEST_CASE("a pose's gradient through its shadows, the avatar being what it is") 
 
     // AvatarModel::ao gives the same ao.
     const auto& cached = chain.model.cache().ao;
-    const std::vector<double> shadows(cached.begin(), cached.end());
-    REQUIRE(shadows.size() == chain.model.size());
+    const std::vector<double> of_pass(cached.begin(), cached.end());
+    REQUIRE(of_pass.size() == chain.model.size());
     const auto alone = chain.model.ao(chain.pose, chain.frame);
-    CHECK(std::equal(alone.begin(), alone.end(), shadows.begin(), shadows.end()));
+    CHECK(std::equal(alone.begin(), alone.end(), of_pass.begin(), of_pass.end()));
 }

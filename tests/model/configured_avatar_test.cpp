@@ -11,6 +11,7 @@
 #include <memory>
 #include <set>
 #include <string>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
@@ -21,9 +22,11 @@ namespace {
 constexpr std::size_t tube_frames = 4;
 constexpr std::uint64_t tube_seed = 7;
 
-AvatarConfig small_tube(AvatarConfig config) {
-    config.hash_base = 3, config.hash_table_size = 128, config.ao_table_size = 64;
-    config.mlp_width = 8, config.mlp_hidden_layers = 1, config.fine_level = 1, config.ao_start = 0;
+ConfiguredAvatarParams small_tube(ConfiguredAvatarParams config) {
+    config.appearance.field.grid.base = 3, config.appearance.field.grid.table_size = 128,
+    config.occlusion.grid.table_size = 64;
+    config.appearance.field.width = 8, config.appearance.field.hidden_layers = 1, config.appearance.fine_level = 1,
+    config.model.occlusion_start = 0;
     return config;
 }
 
@@ -35,7 +38,8 @@ struct ConfiguredTube {
         sample_surface(body, shaped_vertices(body, betas), std::vector<double>(body.vertex_count(), 1.0), 3);
     RigData rig = make_rig(body, betas, samples);
 
-    ConfiguredAvatar<cpu::Serial, float, 2> make(const AvatarConfig& config, const CanonicalPriors& priors = {}) {
+    ConfiguredAvatar<cpu::Serial, float, 2> make(const ConfiguredAvatarParams& config,
+                                                 const CanonicalPriors& priors = {}) {
         return make_avatar<cpu::Serial, float, 3, 2, 2>(backend, rig, samples, tube_frames, tube_seed,
                                                         small_tube(config), priors);
     }
@@ -74,7 +78,7 @@ std::set<std::string> names_of_parts(auto&& model) {
 
 TEST_CASE("each configuration learns the arrays of its parts") {
     ConfiguredTube tube;
-    const auto parts = [&](const AvatarConfig& config) {
+    const auto parts = [&](const ConfiguredAvatarParams& config) {
         auto all = names_of_parts(tube.make(config));
         for (const auto* own : {"joints", "quats", "log_scales", "opacity_logits"}) CHECK(all.erase(own) == 1);
         return all;
@@ -86,72 +90,83 @@ TEST_CASE("each configuration learns the arrays of its parts") {
     CHECK(parts({.hash_displacement = false}) == Names{"sh_field.table", "sh_field.network", "displacements"});
     CHECK(parts({.hash_sh = false}) == Names{"displacement_field.table", "displacement_field.network", "sh"});
     CHECK(parts({.hash_displacement = false, .hash_sh = false}) == Names{"displacements", "sh"});
-    for (const AmbientOcclusion ao : {AmbientOcclusion::time, AmbientOcclusion::pose})
+    for (const char* ao : {AmbientOcclusion::time, AmbientOcclusion::pose})
         CHECK(parts({.hash_displacement = false, .hash_sh = false, .ao = ao}) ==
               Names{"displacements", "sh", "shadow_field.table", "shadow_field.network"});
     CHECK(tube.make({.head_time = true}).appearance().reads_time());
     CHECK(!tube.make({}).appearance().reads_time());
-    CHECK(tube.make({.ao = AmbientOcclusion::pose}).shadow().follows_pose());
-    CHECK(!tube.make({.ao = AmbientOcclusion::time}).shadow().follows_pose());
-    CHECK(!tube.make({}).shadow().casts());
+    CHECK(tube.make({.ao = AmbientOcclusion::pose}).occlusion().follows_pose());
+    CHECK(!tube.make({.ao = AmbientOcclusion::time}).occlusion().follows_pose());
+    CHECK(!tube.make({}).occlusion().occludes());
 }
 
 TEST_CASE("a configured avatar is bit-identical to the avatar of the same types") {
     ConfiguredTube tube;
-    const AvatarConfig config =
-        small_tube({.head_time = true, .ao = AmbientOcclusion::pose, .deformation = Deformation::polar});
+    const ConfiguredAvatarParams config =
+        small_tube({.head_time = true, .ao = AmbientOcclusion::pose, .model = {.deformation = Deformation::polar}});
     auto configured = tube.make(config);
     const auto points = std::make_shared<const CanonicalPoints<cpu::Serial>>(tube.backend, tube.samples.positions);
     using Appearance = SharedField<cpu::Serial, float, 2, 3, 2>;
-    using Shadow = PoseShadow<cpu::Serial, float, 3, 2>;
-    AvatarModel<cpu::Serial, Appearance, Shadow> typed(
+    using Occlusion = PoseOcclusion<cpu::Serial, float, 3, 2>;
+    AvatarModel<cpu::Serial, Appearance, Occlusion> typed(
         tube.backend, tube.rig, tube.samples, points,
-        Appearance(tube.backend, points, appearance_params(config, tube_frames, tube_seed)),
-        Shadow(tube.backend, *points, tube.rig.body.pose_feature_count(), shadow_params(config, tube_seed)),
-        model_params(config));
+        Appearance(tube.backend, points, config.appearance_of(tube_frames, tube_seed)),
+        Occlusion(tube.backend, *points, tube.rig.body.pose_feature_count(), config.occlusion_of(tube_seed)),
+        config.model);
     CHECK(names_of_parts(typed) == names_of_parts(configured));
     CHECK(test::learned_values(typed) == test::learned_values(configured));
     test::randomize(typed), test::randomize(configured);
     CHECK(tube.pass(typed) == tube.pass(configured));
 }
 
-TEST_CASE("a configuration chooses the sizes of the shadow's field") {
-    const AvatarConfig config = small_tube({.ao = AmbientOcclusion::time});
-    AvatarConfig wide = config, fine = config;
-    wide.ao_width = 2 * config.ao_width;
-    fine.ao_growth = 2 * config.ao_growth;
-    const auto size = [](const AvatarConfig& c) {
+TEST_CASE("a configuration chooses the sizes of the field of ambient occlusion") {
+    const ConfiguredAvatarParams config = small_tube({.ao = AmbientOcclusion::time});
+    ConfiguredAvatarParams wide = config, fine = config;
+    wide.occlusion.width = 2 * config.occlusion.width;
+    fine.occlusion.grid.growth = 2 * config.occlusion.grid.growth;
+    const auto size = [](const ConfiguredAvatarParams& c) {
         return avatar_size<cpu::Serial, float, 3, 2>(c, 4, {}).fixed();
     };
     CHECK(size(wide) > size(config));
-    CHECK(shadow_params(fine, 0).field.growth == 2 * config.ao_growth);
-    CHECK(shadow_params(wide, 0).field.width == 2 * config.ao_width);
-    CHECK(appearance_params(wide, 1, 0).field.width == config.mlp_width);
+    CHECK(fine.occlusion_of(5).grid.growth == 2 * config.occlusion.grid.growth);
+    const FieldOcclusionParams made = config.occlusion_of(5); // what is not its own is the appearance's
+    CHECK(made.grid.base == config.appearance.field.grid.base);
+    CHECK(made.hidden_layers == config.appearance.field.hidden_layers);
+    CHECK(made.width == config.occlusion.width);
+    CHECK(made.seed == 5);
 }
 
 TEST_CASE("rates are those of the configuration") {
     ConfiguredTube tube;
-    const LearningRates rates{1, 2, 3, 4, 5, 6, 7, 8, 9};
-    const auto check = [&](const AvatarConfig& config, const std::vector<std::pair<std::string, double>>& expected) {
+    ConfiguredAvatarParams plain;
+    plain.model.joint_rate = 1, plain.model.quat_rate = 2, plain.model.log_scale_rate = 3;
+    plain.model.opacity_logit_rate = 4;
+    plain.appearance.displacement_rate = 5, plain.appearance.sh_rate = 6;
+    plain.appearance.stored_displacement_rate = 7, plain.appearance.stored_sh_rate = 8;
+    plain.occlusion.rate = 9;
+    ConfiguredAvatarParams timed = plain, separate = plain, of_stored = plain;
+    timed.ao = AmbientOcclusion::time;
+    separate.heads = Heads::separate;
+    of_stored.hash_displacement = of_stored.hash_sh = false;
+    const auto check = [&](const ConfiguredAvatarParams& config,
+                           const std::vector<std::pair<std::string, double>>& expected) {
         auto model = tube.make(config);
         for (const auto& [name, rate] : expected) {
             CAPTURE(name);
             CHECK(test::learned_array(model, name).rate == rate);
         }
     };
-    check({.ao = AmbientOcclusion::time, .rates = rates}, {{"joints", 1},
-                                                           {"quats", 2},
-                                                           {"log_scales", 3},
-                                                           {"opacity_logits", 4},
-                                                           {"shared_field.table", 6},
-                                                           {"shared_field.network", 6},
-                                                           {"shadow_field.table", 9},
-                                                           {"shadow_field.network", 9}});
-    check({.heads = Heads::separate, .rates = rates},
-          {{"sh_field.table", 6}, {"displacement_field.table", 5}, {"displacement_field.network", 5}});
-    check({.hash_displacement = false, .hash_sh = false, .rates = rates}, {{"displacements", 7}, {"sh", 8}});
-    auto shared = tube.make({.rates = rates}),
-         stored = tube.make({.hash_displacement = false, .hash_sh = false, .rates = rates});
+    check(timed, {{"joints", 1},
+                  {"quats", 2},
+                  {"log_scales", 3},
+                  {"opacity_logits", 4},
+                  {"shared_field.table", 6},
+                  {"shared_field.network", 6},
+                  {"shadow_field.table", 9},
+                  {"shadow_field.network", 9}});
+    check(separate, {{"sh_field.table", 6}, {"displacement_field.table", 5}, {"displacement_field.network", 5}});
+    check(of_stored, {{"displacements", 7}, {"sh", 8}});
+    auto shared = tube.make(plain), stored = tube.make(of_stored);
     CHECK(test::learned_array(shared, "shared_field.network").other.rate == 5); // the displacements' weights
     CHECK(test::learned_array(stored, "sh").other.rate == 8.0 / 20);            // the bands
 }
@@ -159,11 +174,10 @@ TEST_CASE("rates are those of the configuration") {
 TEST_CASE("settings reach the parts") {
     ConfiguredTube tube;
     auto model = tube.make({.ao = AmbientOcclusion::time,
-                            .largest_ao = 1.5,
-                            .initial_ao = 0.75,
-                            .deformation = Deformation::dual_quaternion,
-                            .initial_opacity = 0.3,
-                            .clamping = ColorClamp::below});
+                            .occlusion = {.largest = 1.5, .initial = 0.75},
+                            .model = {.initial_opacity = 0.3,
+                                      .clamping = ColorClamp::below,
+                                      .deformation = Deformation::dual_quaternion}});
     CHECK(model.params().deformation == Deformation::dual_quaternion);
     CHECK(model.params().clamping == ColorClamp::below);
     CHECK(model.params().initial_opacity == 0.3);
@@ -172,6 +186,68 @@ TEST_CASE("settings reach the parts") {
     for (const float ao : model.ao(pose, 0)) CHECK(ao == doctest::Approx(0.75));
     const std::size_t N = tube.samples.size();
     CHECK(tube.make({}, {std::vector<double>(N, 0.0), {}}).appearance().lookups() == N * 8); // only the coarse level
+}
+
+namespace {
+
+/// Parts of a user: a further appearance and a further ambient occlusion.
+template <class B, class T, int Degree, int Levels, int Features>
+struct Painted : StoredAttributes<B, T, Degree, Levels, Features> {
+    using StoredAttributes<B, T, Degree, Levels, Features>::StoredAttributes;
+};
+template <class B, class T, int Levels, int Features>
+struct Dimmed : PoseOcclusion<B, T, Levels, Features> {
+    Dimmed(B& backend, const CanonicalPoints<B, T>& points, const OcclusionSizes& sizes, FieldOcclusionParams params)
+        : PoseOcclusion<B, T, Levels, Features>(backend, points, sizes, dim(params)) {}
+    static FieldOcclusionParams dim(FieldOcclusionParams params) { return params.initial /= 2, params; }
+};
+struct OwnParts : AvatarParts {
+    template <Backend B, std::floating_point T, int Degree, int Levels, int Features>
+    using Appearances = typename AvatarParts::Appearances<B, T, Degree, Levels, Features>::template With<
+        Named<"painted", Painted<B, T, Degree, Levels, Features>>>;
+    template <Backend B, std::floating_point T, int Levels, int Features>
+    using Occlusions =
+        typename AvatarParts::Occlusions<B, T, Levels,
+                                         Features>::template With<Named<"dimmed", Dimmed<B, T, Levels, Features>>>;
+};
+
+} // namespace
+
+TEST_CASE("settings name the parts of a user's list, and gsh's own by the same names as the three choices") {
+    ConfiguredTube tube;
+    const auto make = [&]<class Parts>(std::type_identity<Parts>, const ConfiguredAvatarParams& params) {
+        return make_avatar<cpu::Serial, float, 3, 2, 2, Parts>(tube.backend, tube.rig, tube.samples, tube_frames,
+                                                               tube_seed, small_tube(params));
+    };
+    const auto own = std::type_identity<OwnParts>();
+    const ConfiguredAvatarParams params{.appearance_type = "painted", .ao = "dimmed", .occlusion = {.initial = 0.8}};
+    auto model = make(own, params);
+    const std::set<std::string> names = names_of_parts(model);
+    for (const char* name : {"displacements", "sh", "shadow_field.table", "shadow_field.network"})
+        CHECK(names.contains(name));
+    RigPose<cpu::Serial, float> pose;
+    model.rig().upload_pose(rest_motion(tube.rig), 0, pose);
+    for (const float ao : model.ao(pose, 0)) CHECK(ao == doctest::Approx(0.4));
+    const PartSize size = avatar_size<cpu::Serial, float, 3, 2, 2, OwnParts>(small_tube(params), 4, {});
+    CHECK(size.fixed() >
+          avatar_size<cpu::Serial, float, 3, 2>(small_tube({.hash_displacement = false, .hash_sh = false}), 4, {})
+              .fixed());
+    CHECK_THROWS_WITH_AS((void)make(std::type_identity<AvatarParts>(), params),
+                         doctest::Contains("appearance is 'painted', expected one of shared_field, separate_fields, "
+                                           "color_field, displacement_field, stored"),
+                         ValueError);
+    CHECK_THROWS_WITH_AS((void)make(own, {.ao = "none of these"}),
+                         doctest::Contains("expected one of none, time, pose, dimmed"), ValueError);
+    for (const Heads heads : {Heads::shared, Heads::separate})
+        for (const bool sh : {true, false})
+            for (const bool displacement : {true, false}) {
+                const ConfiguredAvatarParams by_choice{
+                    .heads = heads, .hash_displacement = displacement, .hash_sh = sh};
+                ConfiguredAvatarParams by_name{.appearance_type = std::string(by_choice.appearance_name())};
+                auto chosen = make(own, by_choice), named = make(own, by_name);
+                CHECK(names_of_parts(chosen) == names_of_parts(named));
+                CHECK(test::learned_values(chosen) == test::learned_values(named));
+            }
 }
 
 TEST_CASE("the same seed makes the same avatar, and another tube_seed another") {
@@ -186,8 +262,8 @@ TEST_CASE("the same seed makes the same avatar, and another tube_seed another") 
 TEST_CASE("configurations that cannot be are refused") {
     ConfiguredTube tube;
     CHECK_THROWS_AS(tube.make({.hash_displacement = false, .hash_sh = false, .head_time = true}), ValueError);
-    CHECK_THROWS_AS(tube.make({.largest_ao = 1, .initial_ao = 1}), ValueError);
-    CHECK_THROWS_AS(tube.make({.initial_ao = 0}), ValueError);
+    CHECK_THROWS_AS(tube.make({.occlusion = {.largest = 1, .initial = 1}}), ValueError);
+    CHECK_THROWS_AS(tube.make({.occlusion = {.initial = 0}}), ValueError);
     tube.samples.positions.pop_back();
     CHECK_THROWS_AS(tube.make({}), ShapeError);
 }

@@ -153,7 +153,8 @@ TEST_CASE("without a rate nothing is multiplied, and wrong input is refused") {
     none.apply(0, colors);
     CHECK(colors[0] == vec3<double>(0.1, 0.2, 0.3));
     CHECK(!none.learns(1));
-    CHECK_THROWS_WITH_AS(Gains(backend, {}, {.rate = -1}), "PhotoGains: rate must not be negative", ValueError);
+    CHECK_THROWS_WITH_AS(Gains(backend, {}, {.rate = -1}),
+                         "PhotoGains: gain.rate is -1, expected a finite number of at least 0", ValueError);
     Gains gains(backend, photos_of_two_cameras(2), {.rate = 1, .start = 0.5});
     CHECK(!gains.learns(0.4));
     CHECK(gains.learns(0.5));

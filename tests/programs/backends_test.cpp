@@ -8,7 +8,6 @@
 #include "reconstruct/load_input.hpp"
 #include "reconstruct/reconstruction.hpp"
 #include "reconstruct/static_reconstruction.hpp"
-#include "reconstruct/static_reconstruction_on.hpp"
 #include "reconstruct/training.hpp"
 #include "show/renderer.hpp"
 #include "show/renderer_on.hpp"
@@ -17,6 +16,9 @@
 #include <gsh/io/model/avatar_file.hpp>
 #include <gsh/io/model/checkpoint.hpp>
 #include <gsh/reconstruct/reconstruction.hpp>
+#include <gsh/reconstruct/static_reconstruction.hpp>
+#include <gsh/reconstruct/train.hpp>
+#include <gsh/reconstruct/training_record.hpp>
 
 #include <cmath>
 #include <cstddef>
@@ -142,26 +144,28 @@ TEST_CASE("a reconstruction is the same on another backend, and either continues
 }
 
 TEST_CASE("so is a static scene") {
-    const StaticSource source = static_source(test::studio().capture, 0);
+    const StaticPhotos input = static_photos_of(test::studio().capture, 0);
     ReconstructOptions o = options_of_test("static");
     o.set = {"density.start=2", "density.interval=3", "density.gradient_threshold=1e-6"};
     o.steps = 12;
     o.gaussians = 2000;
     Machine machine(o.machine);
-    StaticOptions options = static_options(o);
-    options.points = 300;
-    const auto threads = make_static_reconstruction(machine, source, options);
+    StaticRecipe recipe = static_recipe(o);
+    recipe.points = 300;
+    const auto threads = make_static_reconstruction(machine, input, recipe);
     Guarded backend;
-    StaticReconstructionOn<Guarded> guarded(backend, static_setup(source, options));
-    threads->train(12);
-    guarded.train(12);
+    StaticReconstruction<Guarded> guarded(backend, input, recipe);
+    for (AnyStaticReconstruction* each : {threads.get(), static_cast<AnyStaticReconstruction*>(&guarded)}) {
+        TrainingRecord record;
+        train(*each, recipe.length(), record);
+    }
     CHECK(threads->step_count() == 12);
     CHECK(guarded.step_count() == 12);
     CHECK(threads->size() != 300);
     CHECK(threads->size() == guarded.size());
     CHECK(threads->total_change().split == guarded.total_change().split);
     CHECK(threads->cloud().means == guarded.cloud().means);
-    CHECK(threads->compare(source.test[0]).render.data == guarded.compare(source.test[0]).render.data);
+    CHECK(threads->compare(input.test[0]).render.data == guarded.compare(input.test[0]).render.data);
 }
 
 TEST_CASE("so are pictures of avatars and of scenes") {

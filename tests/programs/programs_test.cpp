@@ -301,8 +301,8 @@ TEST_CASE("a reconstruction keeps to time and memory") {
     for (const bool of_test : {false, true})
         for (const Photo& photo : photos_of(s.capture, of_test)) held += 4 * box_of_photo(photo).size();
     for (const std::string name : {"light", "paper"}) {
-        AvatarConfig config = named_configuration(name).avatar;
-        config.hash_table_size = config.ao_table_size = 4096;
+        ConfiguredAvatarParams config = named_configuration(name).avatar;
+        config.appearance.field.grid.table_size = config.occlusion.grid.table_size = 4096;
         const MemoryModel memory = training_memory<cpu::Serial>(
             config, 64 * 64, held, 1,
             {.joint_count = s.body.joint_count(),

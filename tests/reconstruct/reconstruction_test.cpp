@@ -2,6 +2,7 @@
 /// A capture becomes an avatar by the library alone: stages, stops, checkpoints, another backend, several people.
 #include "io/temporary.hpp"
 #include "reconstruct/small_people.hpp"
+#include "support/contains.hpp"
 #include "support/guarded.hpp"
 
 #include <gsh/core/error.hpp>
@@ -60,7 +61,7 @@ TEST_CASE("the default recipe trains a lit avatar, and reports each stage from i
 
     TrainingRecord record;
     std::vector<double> shares;
-    train(person, recipe, record, {.progress = [&](double share) { shares.push_back(share); }});
+    train(person, recipe.length(), record, {.progress = [&](double share) { shares.push_back(share); }});
     CHECK(shares == std::vector<double>{0.25, 0.5, 0.75, 1});
     CHECK(record.steps == 4);
     CHECK(record.loss.size() == 1); // of the first step; the next sample is due at the tenth
@@ -80,29 +81,35 @@ TEST_CASE("a training that was stopped, or goes on from a checkpoint, ends with 
     recipe.refine = true, recipe.registration = false;
     Threads whole(backend, small_input(), recipe), stopped(backend, small_input(), recipe);
     TrainingRecord record, of_stopped;
-    train(whole, recipe, record);
+    train(whole, recipe.length(), record);
 
     const test::Temporary folder;
     const auto path = folder / "checkpoint.gsh";
     std::uint64_t steps = 0;
-    train(stopped, recipe, of_stopped,
+    train(stopped, recipe.length(), of_stopped,
           {.progress = [&](double) { ++steps; },
            .stop = [&] { return steps == 2; },
            .checkpoint = [&] { save_checkpoint(path, stopped, of_stopped, "my words"); }});
     CHECK(of_stopped.steps == 2);
     CHECK(of_stopped.saved == 2);
     CHECK(checkpoint_words(path) == "my words");
-    train(stopped, recipe, of_stopped);
+    train(stopped, recipe.length(), of_stopped);
     check_same(whole, stopped);
 
     Threads later(backend, small_input(), recipe);
     check_checkpoint(path, later.setup.run);
+    std::string lines = later.setup.run; // an older gsh listed the settings in another order
+    const std::size_t first = lines.find('\n') + 1;
+    REQUIRE(lines.substr(0, first) == test::contains(" = "));
+    check_checkpoint(path, lines.substr(first) + lines.substr(0, first));
+    CHECK_THROWS_WITH_AS(check_checkpoint(path, lines.substr(first)), doctest::Contains("belongs to a different run"),
+                         ValueError);
     TrainingRecord of_later = load_checkpoint(path, later);
     CHECK(of_later.steps == 2);
     CHECK(of_later.loss == record.loss);
-    train(later, recipe, of_later, {}, 4);
+    train(later, recipe.length(), of_later, {}, 4);
     CHECK(of_later.steps == 4);
-    train(later, recipe, of_later);
+    train(later, recipe.length(), of_later);
     check_same(whole, later);
 
     Recipe other = recipe;
@@ -122,8 +129,8 @@ TEST_CASE("two people on a backend whose memory the host cannot access have the 
     Threads threads(host, small_input(2), recipe);
     Reconstruction<test::Guarded> other(guarded, host, small_input(2), recipe);
     TrainingRecord of_threads, of_other;
-    train(threads, recipe, of_threads);
-    train(other, recipe, of_other);
+    train(threads, recipe.length(), of_threads);
+    train(other, recipe.length(), of_other);
     CHECK(of_threads.loss == of_other.loss);
     REQUIRE(threads.setup.people.size() == 2);
     CHECK(threads.setup.people[1].name == "bob");

@@ -18,8 +18,8 @@ using test::PosedScene;
 namespace {
 
 /// Everything on, from the first step.
-RefinementConfig everything() {
-    RefinementConfig config;
+RefinementParams everything() {
+    RefinementParams config;
     config.pose = {.rate = 4e-3, .terms = {.pull = 0.01, .drift = 0.02, .acceleration = 0.03}};
     config.transl = {.rate = 1e-3, .terms = {.pull = 0.01, .drift = 0.02, .acceleration = 0.03}};
     config.expression = {.rate = 1e-2, .terms = {.pull = 0.01, .drift = 0.02, .acceleration = 0.03}};
@@ -152,7 +152,7 @@ TEST_CASE("a motion that knows less than the rig comes back complete") {
 TEST_CASE("gradients of poses, cameras and terms reach every increment") {
     const PosedScene scene;
     test::Rng rng(17);
-    RefinementConfig config = everything();
+    RefinementParams config = everything();
     config.adam = {.beta1 = 0, .beta2 = 0.5}; // the first moment is then the gradient
     config.fixed_cameras = {};
     Motion estimate = scene.estimate();
@@ -290,7 +290,7 @@ TEST_CASE("an avatar's backward_to_pose is the gradient of its splats, and adds"
 TEST_CASE("photographs bring noisy poses back, cameras too") {
     const PosedScene scene;
     cpu::Serial backend;
-    RefinementConfig config;
+    RefinementParams config;
     config.pose = {.rate = 1e-2, .terms = {.pull = 1e-3}};
     config.transl = {.rate = 3e-3, .terms = {.pull = 1e-3}};
     config.expression = {};
@@ -334,7 +334,7 @@ TEST_CASE("photographs bring noisy poses back, cameras too") {
 
 TEST_CASE("the same steps give the same numbers at any thread count, and after a stop") {
     const PosedScene scene;
-    const RefinementConfig config = everything();
+    const RefinementParams config = everything();
     const auto run = [&](auto&& backend, std::size_t stop) {
         using B = std::remove_cvref_t<decltype(backend)>;
         Training<B> training(backend, scene);
@@ -357,7 +357,7 @@ TEST_CASE("the same steps give the same numbers at any thread count, and after a
 TEST_CASE("groups wait for their start, joints move at their rates, rows at their own visits") {
     const PosedScene scene;
     cpu::Serial backend;
-    RefinementConfig config;
+    RefinementParams config;
     config.pose = {.rate = 1e-2, .start = 0.5};
     config.final_rate = 1;
     config.transl = {.rate = 1e-3, .start = 0};
@@ -396,7 +396,7 @@ TEST_CASE("groups wait for their start, joints move at their rates, rows at thei
 TEST_CASE("a frame left out takes what lies between its neighbours") {
     const PosedScene scene;
     cpu::Serial backend;
-    RefinementConfig config;
+    RefinementParams config;
     config.left_out = {1, 2};
     MotionRefinement<cpu::Serial> refinement(backend, scene.avatar.rig, scene.truth, {}, config);
     refinement.increments(RefinementGroup::transl, 0)[1] = 0.3f;
@@ -411,11 +411,11 @@ TEST_CASE("refinement refuses what does not fit") {
     const PosedScene scene;
     cpu::Serial backend;
     using Refinement = MotionRefinement<cpu::Serial>;
-    const auto make = [&](const Motion& motion, RefinementConfig config) {
+    const auto make = [&](const Motion& motion, RefinementParams config) {
         return Refinement(backend, scene.avatar.rig, motion, scene.cameras, config);
     };
     const auto with = [&](auto change) {
-        RefinementConfig config;
+        RefinementParams config;
         change(config);
         return config;
     };

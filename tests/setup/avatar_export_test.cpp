@@ -25,7 +25,8 @@ TEST_CASE("mean ambient occlusion is the mean over the frames that were photogra
     SmallScene scene;
     const auto train = [&] {
         auto training = std::make_unique<SmallTraining<cpu::Serial>>(
-            scene, cpu::Serial(), 3, AvatarConfig{.ao = AmbientOcclusion::time, .ao_start = 0});
+            scene, cpu::Serial(), 3,
+            ConfiguredAvatarParams{.ao = AmbientOcclusion::time, .model = {.occlusion_start = 0}});
         training->steps(25);
         return training;
     };
@@ -54,7 +55,7 @@ TEST_CASE("mean ambient occlusion is the mean over the frames that were photogra
 
 TEST_CASE("an avatar that is exported before sh_start has constant colours") {
     const SmallScene scene;
-    SmallTraining<cpu::Serial> training(scene, cpu::Serial(), 3, {.sh_start = 0.5});
+    SmallTraining<cpu::Serial> training(scene, cpu::Serial(), 3, {.model = {.sh_start = 0.5}});
     const auto harmonics = [&] {
         training.model.update_canonical();
         const auto cloud = canonical_gaussians(training.people.backend(), training.model);
@@ -73,7 +74,7 @@ TEST_CASE("an avatar that is exported before sh_start has constant colours") {
 TEST_CASE("an avatar whose fields know the time is saved as the mean over the frames that were photographed") {
     SmallScene scene;
     const std::vector<Photo> photos = scene.photos;
-    const auto check = [&](const AvatarConfig& config, std::vector<std::size_t> frames) {
+    const auto check = [&](const ConfiguredAvatarParams& config, std::vector<std::size_t> frames) {
         SmallTraining<cpu::Serial> training(scene, cpu::Serial(), 3, config);
         training.steps(25);
         std::vector<GaussianCloud<float>> clouds;
@@ -113,12 +114,11 @@ TEST_CASE("an avatar whose fields know the time is saved as the mean over the fr
 
 TEST_CASE("an exported avatar has the learned joints, the model's way of posing and the trainer's filter") {
     const SmallScene scene;
-    SmallTraining<cpu::Serial> training(scene, cpu::Serial(), 3,
-                                        {.ao = AmbientOcclusion::pose,
-                                         .ao_start = 0.5,
-                                         .deformation = Deformation::polar,
-                                         .clamping = ColorClamp::below},
-                                        {.filter = {.dilation = 0.2, .compensate_opacity = false}});
+    SmallTraining<cpu::Serial> training(
+        scene, cpu::Serial(), 3,
+        {.ao = AmbientOcclusion::pose,
+         .model = {.clamping = ColorClamp::below, .deformation = Deformation::polar, .occlusion_start = 0.5}},
+        {.filter = {.dilation = 0.2, .compensate_opacity = false}});
     training.steps(5);
     const AvatarData avatar = training.exported();
     const auto joints = training.parameters("joints");
@@ -152,8 +152,7 @@ TEST_CASE("a lit avatar is exported with its light, and with the mean irradiance
     CHECK_THROWS_WITH_AS((void)unlit.model.shading(), doctest::Contains("the avatar was made without a light"),
                          ValueError);
     const LightData start = even_light(2, 3, {0, 0.8, 0}, 3);
-    SmallTraining<cpu::Serial> training(scene, cpu::Serial(), 3, {.rates = test::small_rates}, test::small_training,
-                                        start);
+    SmallTraining<cpu::Serial> training(scene, cpu::Serial(), 3, test::quick_avatar(), test::small_training, start);
     training.steps(3);
     const auto of = [&](std::vector<std::size_t> frames) { return mean_irradiance(training.people, frames); };
     const auto first = of({0}), second = of({1}), mean = of({0, 1});

@@ -54,8 +54,9 @@ void check_consistent(Tube& tube, const CanonicalSetup& setup, const Configurati
     CHECK(setup.rig.point_count() == tube_count);
     CHECK(setup.rig.joint_count() == setup.motion.joint_count);
     validate(setup.motion, setup.rig.body, "test");
-    AvatarConfig avatar = config.avatar;
-    avatar.hash_base = 3, avatar.hash_growth = 1.5, avatar.hash_table_size = 256, avatar.ao_table_size = 256;
+    ConfiguredAvatarParams avatar = config.avatar;
+    avatar.appearance.field.grid.base = 3, avatar.appearance.field.grid.growth = 1.5,
+    avatar.appearance.field.grid.table_size = 256, avatar.occlusion.grid.table_size = 256;
     const auto model = make_avatar(tube.backend, setup.rig, setup.samples, setup.motion.frame_count(), 1, avatar,
                                    setup.priors);
     CHECK(model.size() == tube_count);

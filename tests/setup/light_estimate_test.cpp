@@ -98,7 +98,7 @@ TEST_CASE("no light is found on the side from which none comes") {
 }
 
 TEST_CASE("shadows explain more than the surface's direction alone") {
-    const LightEstimate &with = light_of_filmed_turn(), without = filmed_turn().estimate({.shadows = false});
+    const LightEstimate &with = light_of_filmed_turn(), without = filmed_turn().estimate({.light = {.shadows = false}});
     CHECK(with.light.shadows);
     CHECK_FALSE(without.light.shadows);
     CHECK(with.psnr > without.psnr + 0.5);
@@ -129,9 +129,9 @@ TEST_CASE("a light estimate needs people, photographs, and a person in them") {
     const LitPerson person{&scene.setup.rig, &scene.setup.motion};
     CHECK_THROWS_AS((void)estimate_light(scene.backend, Span<const LitPerson>(&person, 1), Span<const Photo>()),
                     ValueError);
-    CHECK_THROWS_AS((void)scene.estimate({.points = 0, .directions = 0}), ValueError);
+    CHECK_THROWS_AS((void)scene.estimate({.light = {.points = 0, .directions = 0}}), ValueError);
     CHECK_THROWS_AS((void)scene.estimate({.candidates = 0}), ValueError);
-    CHECK_THROWS_AS((void)scene.estimate({.distance = 0}), ValueError);
+    CHECK_THROWS_AS((void)scene.estimate({.light = {.distance = 0}}), ValueError);
     CHECK_THROWS_AS((void)scene.estimate({.photos_per_frame = 0}), ValueError);
     Motion shorter = scene.setup.motion;
     shorter.transl.resize(4), shorter.timestamps.resize(4), shorter.pose.resize(4 * shorter.joint_count);
@@ -144,7 +144,7 @@ TEST_CASE("a light estimate needs people, photographs, and a person in them") {
     const LitPerson points{&bare, &scene.setup.motion};
     CHECK_THROWS_AS((void)estimate_light(scene.backend, Span<const LitPerson>(&points, 1), Span<const Photo>(photos)),
                     ValueError);
-    CHECK(scene.estimate({.points = 0, .directions = 12}).light.points.empty());
+    CHECK(scene.estimate({.light = {.points = 0, .directions = 12}}).light.points.empty());
     Capture empty = scene.capture;
     for (PixelImage& image : empty.images)
         for (std::size_t i = 3; i < image.data.size(); i += 4) image.data[i] = 0; // nothing is in the mask

@@ -19,15 +19,16 @@ using test::SmallTraining;
 
 namespace {
 
-const PixelFilter filter = TrainConfig{}.filter;
+const PixelFilter filter = TrainParams{}.filter;
 const UnseenParams small{.pixels = 48};
 
 } // namespace
 
 TEST_CASE("Gaussians that face the cameras are shown, those behind are not; a second photograph adds its own") {
     const SmallScene scene; // both cameras stand in front, at z > 0
-    SmallTraining<cpu::Serial> training(scene, cpu::Serial(), 3,
-                                        {.initial_opacity = 0.95, .rates = test::small_rates});
+    SmallTraining<cpu::Serial> training(
+        scene, cpu::Serial(), 3,
+        {.appearance = {.sh_rate = test::small_sh_rate}, .model = {.initial_opacity = 0.95, .quat_rate = 0}});
     training.steps(1);
     const std::vector<Photo>& photos = scene.photos;
     const auto all = photographs_showing(training.backend, training.people, {&training.samples}, photos, filter, small);
@@ -66,7 +67,7 @@ TEST_CASE("the numbers are equal on every backend") {
     const SmallScene scene;
     const auto showing = [&](auto make) {
         using B = decltype(make());
-        SmallTraining<B> training(scene, make, 3, {.rates = test::small_rates});
+        SmallTraining<B> training(scene, make, 3, test::quick_avatar());
         training.steps(2);
         return photographs_showing(training.backend, training.people, {&training.samples}, scene.photos, filter, small);
     };
@@ -93,8 +94,9 @@ TEST_CASE("unseen is what hardly any photograph shows, and what is shown from be
 
 TEST_CASE("what no photograph saw gets colours and opacity from what was seen; the rest stays") {
     const SmallScene scene;
-    SmallTraining<cpu::Serial> training(scene, cpu::Serial(), 3,
-                                        {.initial_opacity = 0.95, .rates = test::small_rates});
+    SmallTraining<cpu::Serial> training(
+        scene, cpu::Serial(), 3,
+        {.appearance = {.sh_rate = test::small_sh_rate}, .model = {.initial_opacity = 0.95, .quat_rate = 0}});
     training.steps(10);
     const std::vector<std::size_t> frames{0, 1};
     const auto showing =

@@ -28,7 +28,7 @@ SharedPoints<B, double> scattered_points(B& backend, std::size_t count = 23) {
 }
 
 inline FieldParams small_field() {
-    return {.base = 3, .growth = 1.6, .table_size = 128, .width = 8, .hidden_layers = 1};
+    return {.grid = {.base = 3, .growth = 1.6, .table_size = 128}, .width = 8, .hidden_layers = 1};
 }
 inline AppearanceParams small_appearance(std::size_t time_frames = 0) {
     return {.field = small_field(), .fine_level = 1, .sh_dc_scale = 2, .time_frames = time_frames, .seed = 5};

@@ -3,11 +3,11 @@
 ///        SIMD lanes with scalars, another to compare a device with the host.
 #pragma once
 
-#include <gsh/avatar/skinned_gaussian.hpp>
+#include <gsh/avatar/skinned_splats.hpp>
+#include <gsh/body/skeleton.hpp>
 #include <gsh/camera/camera_increment.hpp>
 #include <gsh/camera/distortion.hpp>
 #include <gsh/camera/pinhole.hpp>
-#include <gsh/body/skeleton.hpp>
 #include <gsh/field/frequency.hpp>
 #include <gsh/field/hash_grid.hpp>
 #include <gsh/gaussian/covariance.hpp>
@@ -487,10 +487,8 @@ struct SkinnedGaussianElement {
         gaussian.opacity_logit = in.number(-3, 3);
         gaussian.sh = sh;
         gaussian.ao = in.number(0, 1);
-        if constexpr (D::value == Deformation::dual_quaternion)
-            gaussian.blend = in.dual_quaternion();
-        else
-            gaussian.blend = in.affine();
+        if constexpr (D::value == Deformation::dual_quaternion) gaussian.blend = in.dual_quaternion();
+        else gaussian.blend = in.affine();
         gaussian.center = in.vector() + vec3<T>(T(0), T(0), T(-20));
         typename Skinned::template Output<T> dL_dout;
         dL_dout.mean = in.vector();

@@ -4,7 +4,7 @@
 #pragma once
 
 #include <gsh/avatar/occlusion_field.hpp>
-#include <gsh/avatar/skinned_gaussian.hpp>
+#include <gsh/avatar/skinned_splats.hpp>
 #include <gsh/backend/backend.hpp>
 #include <gsh/backend/serial.hpp>
 #include <gsh/core/span.hpp>
@@ -20,7 +20,7 @@
 
 #if defined(GSH_CUDA_EMULATION)
 #include <gsh/avatar/cpu/occlusion_field.hpp>
-#include <gsh/avatar/cpu/skinned_gaussian.hpp>
+#include <gsh/avatar/cpu/skinned_splats.hpp>
 #include <gsh/light/cpu/lit_splats.hpp>
 #include <gsh/light/cpu/shadow_map.hpp>
 #endif

@@ -6,7 +6,7 @@
 
 namespace gsh::test {
 
-template Outcome train_avatar<cpu::Serial>(const SmallScene&, const AvatarConfig&, int, const TrainConfig&);
+template Outcome train_avatar<cpu::Serial>(const SmallScene&, const ConfiguredAvatarParams&, int, const TrainParams&);
 template Outcome train_paper_network<cpu::Serial>(const SmallScene&, Precision, int);
 template Outcome train_lit<cpu::Serial>(const SmallScene&, int);
 template Outcome train_people<cpu::Serial>(const SmallScene&, int, FirstView);

@@ -11,7 +11,8 @@
 
 namespace gsh::test {
 
-extern template Outcome train_avatar<cpu::Serial>(const SmallScene&, const AvatarConfig&, int, const TrainConfig&);
+extern template Outcome train_avatar<cpu::Serial>(const SmallScene&, const ConfiguredAvatarParams&, int,
+                                                  const TrainParams&);
 extern template Outcome train_paper_network<cpu::Serial>(const SmallScene&, Precision, int);
 extern template Outcome train_lit<cpu::Serial>(const SmallScene&, int);
 extern template Outcome train_people<cpu::Serial>(const SmallScene&, int, FirstView);

@@ -4,7 +4,7 @@
 
 #include "support/gradient.hpp"
 
-#include <gsh/avatar/skinned_gaussian.hpp>
+#include <gsh/avatar/skinned_splats.hpp>
 
 #include <algorithm>
 #include <cstddef>

@@ -41,7 +41,7 @@ struct Cast {
     TrainerType trainer;
 
     Cast(const SmallScene& scene, std::vector<Motion> poses, std::vector<Photo> photos, B where = B(),
-         const AvatarConfig& avatar = {.rates = small_rates}, const TrainConfig& config = small_training,
+         const ConfiguredAvatarParams& avatar = quick_avatar(), const TrainParams& config = small_training,
          double density = 12, const std::optional<LightData>& light = {})
         : Cast(
               scene, std::move(poses), std::move(photos), [&]() -> B { return std::move(where); }, avatar, config,
@@ -49,7 +49,7 @@ struct Cast {
     /// On a backend that make() returns, which need not be movable.
     template <std::invocable Make>
     Cast(const SmallScene& scene, std::vector<Motion> poses, std::vector<Photo> photos, const Make& make,
-         const AvatarConfig& avatar, const TrainConfig& config = small_training, double density = 12,
+         const ConfiguredAvatarParams& avatar, const TrainParams& config = small_training, double density = 12,
          const std::optional<LightData>& light = {})
         : backend(make()), motions(std::move(poses)), people(backend, members(scene, avatar, density, light)),
           trainer(backend, people, std::move(photos), seed, config) {}
@@ -66,8 +66,8 @@ struct Cast {
     }
 
 private:
-    std::vector<CastMember<Model>> members(const SmallScene& scene, const AvatarConfig& avatar, double density,
-                                           const std::optional<LightData>& light) {
+    std::vector<CastMember<Model>> members(const SmallScene& scene, const ConfiguredAvatarParams& avatar,
+                                           double density, const std::optional<LightData>& light) {
         const ModelLight<B, T> shared = lit_by<T>(backend, light);
         std::vector<CastMember<Model>> cast;
         for (std::size_t p = 0; p < motions.size(); ++p) {

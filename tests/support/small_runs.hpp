@@ -5,7 +5,6 @@
 #include <gsh/avatar/avatar.hpp>
 #include <gsh/core/rng.hpp>
 #include <gsh/refine/refinement.hpp>
-#include <gsh/setup/static_configuration.hpp>
 #include <gsh/train/frozen_scene.hpp>
 #include <gsh/train/pose_fit.hpp>
 #include <gsh/train/static_model.hpp>
@@ -90,8 +89,8 @@ inline void append(std::vector<float>& to, const GaussianCloud<float>& cloud) {
 }
 
 template <class B>
-Outcome train_avatar(const SmallScene& scene, const AvatarConfig& config, int steps = 5,
-                     const TrainConfig& train_config = small_training) {
+Outcome train_avatar(const SmallScene& scene, const ConfiguredAvatarParams& config, int steps = 5,
+                     const TrainParams& train_config = small_training) {
     SmallTraining<B> training(scene, [] { return B(); }, 3, config, train_config);
     Outcome outcome;
     take_steps(training.trainer, steps, 0.1); // the shadow joins at 0.1
@@ -120,7 +119,7 @@ Outcome train_lit(const SmallScene& scene, int steps = 5) {
     SmallTraining<B> training(
         scene, [] { return B(); }, 3, {.ao = AmbientOcclusion::pose}, small_training, {},
         even_light(2, 3, {0, 0.8, 0}, 3));
-    MotionRefinement<B> refinement(training.backend, training.rig, scene.motion, {}, test_time_config());
+    MotionRefinement<B> refinement(training.backend, training.rig, scene.motion, {}, test_time_params());
     training.people.refine(refinement);
     Outcome outcome;
     take_steps(training.trainer, steps, 0.1);
@@ -163,7 +162,7 @@ inline GaussianCloud<float> start_cloud() {
 
 template <class B>
 Outcome train_static(const SmallScene& scene, int steps, FirstView view = FirstView::usual) {
-    StaticConfig config = static_config(steps);
+    StaticModelParams config = static_model_params(steps);
     config.density.start = 4, config.density.stop = 30, config.density.interval = 5;
     config.density.reset_interval = 12, config.density.gradient_threshold = 1e-6;
     config.sh_degree = 1, config.sh_interval = 8, config.extent = 2;
@@ -173,7 +172,7 @@ Outcome train_static(const SmallScene& scene, int steps, FirstView view = FirstV
         if (photo.frame == 0) photos.push_back(photo);
     photos = photos_from(view, photos, first_index(photos.size(), static_order_seed(5)));
     StaticModel<B> scene_model(backend, start_cloud(), config.extent, 5, config);
-    Trainer<B, StaticModel<B>> trainer(backend, scene_model, photos, static_order_seed(5), train_config_of(config));
+    Trainer<B, StaticModel<B>> trainer(backend, scene_model, photos, static_order_seed(5), train_params_of(config));
     Outcome outcome;
     enlarge_buffers(view, trainer, photos);
     outcome.failures = take_steps(trainer, steps, 0);
@@ -187,8 +186,8 @@ Outcome train_static(const SmallScene& scene, int steps, FirstView view = FirstV
     return outcome;
 }
 
-inline RefinementConfig everything() {
-    RefinementConfig config;
+inline RefinementParams everything() {
+    RefinementParams config;
     config.pose = {.rate = 4e-3, .terms = {.pull = 0.01, .drift = 0.02, .acceleration = 0.03}};
     config.transl = {.rate = 1e-3, .terms = {.pull = 0.01}};
     config.expression = {.rate = 1e-2, .terms = {.pull = 0.01, .drift = 0.02}};
@@ -247,7 +246,9 @@ Outcome train_paper(const SmallScene& scene, int steps) {
     for (std::size_t i = 0; i < samples.size(); ++i) priors.region.push_back(i % 2 ? 0 : rng.uniform(0, 1));
     priors.features = rng.numbers(10 * samples.size());
     using Model = ConfiguredAvatar<B>;
-    const AvatarConfig config{.hash_table_size = 2048, .ao = AmbientOcclusion::time, .ao_table_size = 2048};
+    const ConfiguredAvatarParams config{.appearance = {.field = {.grid = {.table_size = 2048}}},
+                                        .ao = AmbientOcclusion::time,
+                                        .occlusion = {.grid = {.table_size = 2048}}};
     Model model = make_avatar<B>(backend, rig, samples, scene.motion.frame_count(), seed, config, priors);
     AvatarScene<B, Model> people(backend, model, scene.motion);
     Trainer<B, AvatarScene<B, Model>> trainer(backend, people, scene.photos, seed, small_training);
@@ -259,7 +260,7 @@ Outcome fit_pose(const PosedScene& scene) {
     B backend;
     Avatar<B> avatar(backend, scene.avatar);
     PoseFit<B> fit(backend, scene.avatar.filter, {.steps = 4, .mask_weight = 0.3});
-    MotionRefinement<B> motion(backend, scene.avatar.rig, scene.estimate(), {}, test_time_config());
+    MotionRefinement<B> motion(backend, scene.avatar.rig, scene.estimate(), {}, test_time_params());
     FrozenAvatar<B> frozen(avatar, motion);
     const PoseFitReport report = fit.fit(frozen, 2, scene.observe(2));
     Outcome outcome{.pictures = {}, .losses = {report.loss_before, report.loss_after}, .learned = {}};

@@ -24,11 +24,11 @@
 namespace gsh::test {
 
 /// Photographs of small trainings have gains, so that these are tested, too.
-inline const TrainConfig small_training{.gain = {.rate = 0.03}};
+inline const TrainParams small_training{.gain = {.rate = 0.03}};
 
 /// The same with a limit on the photographs in a device's memory, in bytes.
-inline TrainConfig with_photo_memory(std::uint64_t bytes) {
-    TrainConfig config = small_training;
+inline TrainParams with_photo_memory(std::uint64_t bytes) {
+    TrainParams config = small_training;
     config.photo_memory = bytes;
     return config;
 }
@@ -49,8 +49,12 @@ struct SmallScene {
     SmallScene();
 };
 
-/// Learning rates with which the small scene is learned quickly.
-inline constexpr LearningRates small_rates{.quats = 0, .sh = 5e-3};
+/// A rate of colours with which the small scene is learned quickly.
+inline constexpr double small_sh_rate = 5e-3;
+/// An avatar that learns so, and whose Gaussians do not turn.
+[[nodiscard]] inline ConfiguredAvatarParams quick_avatar() {
+    return {.appearance = {.sh_rate = small_sh_rate}, .model = {.quat_rate = 0}};
+}
 
 /// Networks of fields at the size of tests, or the paper's.
 struct SmallNetwork {
@@ -59,9 +63,10 @@ struct SmallNetwork {
 inline constexpr SmallNetwork paper_network{64, 2};
 
 /// The same configuration with fields at the size of tests.
-inline AvatarConfig small(AvatarConfig config, const SmallNetwork& network = {}) {
-    config.hash_base = 4, config.hash_growth = 2, config.hash_table_size = 1024, config.ao_table_size = 1024;
-    config.mlp_width = network.width, config.mlp_hidden_layers = network.hidden_layers;
+inline ConfiguredAvatarParams small(ConfiguredAvatarParams config, const SmallNetwork& network = {}) {
+    HashGridParams& grid = config.appearance.field.grid;
+    grid.base = 4, grid.growth = 2, grid.table_size = 1024, config.occlusion.grid.table_size = 1024;
+    config.appearance.field.width = network.width, config.appearance.field.hidden_layers = network.hidden_layers;
     return config;
 }
 
@@ -70,9 +75,9 @@ template <class B, class T = float>
 using SmallAvatar = ConfiguredAvatar<B, T, 1>;
 
 template <class B, class T = float>
-[[nodiscard]] SmallAvatar<B, T> small_avatar(B& backend, const RigData& rig, const SurfaceSamples& samples,
-                                             std::size_t frame_count, std::uint64_t seed, const AvatarConfig& config,
-                                             const SmallNetwork& network = {}, ModelLight<B, T> light = {}) {
+[[nodiscard]] SmallAvatar<B, T>
+small_avatar(B& backend, const RigData& rig, const SurfaceSamples& samples, std::size_t frame_count, std::uint64_t seed,
+             const ConfiguredAvatarParams& config, const SmallNetwork& network = {}, ModelLight<B, T> light = {}) {
     return make_avatar<B, T, 4, 2, 1>(backend, rig, samples, frame_count, seed, small(config, network), {},
                                       std::move(light));
 }
@@ -100,14 +105,14 @@ struct SmallTraining {
     TrainerType trainer;
 
     explicit SmallTraining(const SmallScene& small_scene, B where = B(), std::uint64_t seed = 3,
-                           const AvatarConfig& avatar = {.rates = small_rates},
-                           const TrainConfig& config = small_training, const std::optional<LightData>& light = {})
+                           const ConfiguredAvatarParams& avatar = quick_avatar(),
+                           const TrainParams& config = small_training, const std::optional<LightData>& light = {})
         : SmallTraining(small_scene, [&]() -> B { return std::move(where); }, seed, avatar, config, {}, light) {}
     /// On a backend that make() returns, which need not be movable.
     template <std::invocable Make>
-    SmallTraining(const SmallScene& small_scene, const Make& make, std::uint64_t seed, const AvatarConfig& avatar,
-                  const TrainConfig& config = small_training, const SmallNetwork& network = {},
-                  const std::optional<LightData>& light = {})
+    SmallTraining(const SmallScene& small_scene, const Make& make, std::uint64_t seed,
+                  const ConfiguredAvatarParams& avatar, const TrainParams& config = small_training,
+                  const SmallNetwork& network = {}, const std::optional<LightData>& light = {})
         : scene(&small_scene), backend(make()),
           samples(sample_surface(scene->body, shaped_vertices(scene->body, scene->betas),
                                  std::vector<double>(scene->body.vertex_count(), 12.0), seed)),

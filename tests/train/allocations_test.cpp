@@ -62,12 +62,12 @@ constexpr std::size_t no_array = 2048;
 
 TEST_CASE("a steady step of training allocates no arrays") {
     const test::SmallScene scene;
-    AvatarConfig light{.rates = test::small_rates}, time = light, pose = light;
-    light.light = true, light.light_points = 1, light.light_directions = 2;
-    time.ao = AmbientOcclusion::time, time.ao_start = 0;
-    pose.ao = AmbientOcclusion::pose, pose.ao_start = 0;
-    for (const AvatarConfig& config : {AvatarConfig{.rates = test::small_rates}, light, time, pose}) {
-        CAPTURE(static_cast<int>(config.ao));
+    ConfiguredAvatarParams light = test::quick_avatar(), time = light, pose = light;
+    light.light = true, light.lights.points = 1, light.lights.directions = 2;
+    time.ao = AmbientOcclusion::time, time.model.occlusion_start = 0;
+    pose.ao = AmbientOcclusion::pose, pose.model.occlusion_start = 0;
+    for (const ConfiguredAvatarParams& config : {test::quick_avatar(), light, time, pose}) {
+        CAPTURE(config.ao);
         test::SmallTraining<cpu::Serial> training(scene, cpu::Serial(), 3, config);
         training.steps(8); // each photograph twice
         REQUIRE(training.model.size() * sizeof(float) > no_array);

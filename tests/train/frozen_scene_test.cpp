@@ -26,8 +26,8 @@ static_assert(FrozenScene<FrozenAvatar<cpu::Serial>, cpu::Serial, float>);
 static_assert(FrozenScene<OnePerson, cpu::Serial, float>);
 static_assert(!FrozenScene<SmallPeople, cpu::Serial, float>); // not frozen: its arrays learn
 
-RefinementConfig quick_fit() {
-    RefinementConfig config = test_time_config();
+RefinementParams quick_fit() {
+    RefinementParams config = test_time_params();
     config.pose.rate = 1e-2, config.transl.rate = 3e-3;
     return config;
 }
@@ -72,7 +72,7 @@ private:
                                              std::vector<double>(scene.body.vertex_count(), 4.0), 3 + p));
             rigs.push_back(make_rig(scene.body, scene.betas, samples.back()));
             models.push_back(test::small_avatar(backend, rigs.back(), samples.back(), 2, 3,
-                                                {.ao = AmbientOcclusion::pose, .ao_start = 0}));
+                                                {.ao = AmbientOcclusion::pose, .model = {.occlusion_start = 0}}));
             members.push_back({&models.back(), &motions[p]});
         }
         return members;
@@ -135,7 +135,7 @@ TEST_CASE("a fit of one person in one frame moves that pose and nothing else") {
     CHECK(moved.transl[0] == second.transl[0]);
     CHECK(moved.transl[1] != second.transl[1]);
     for (std::size_t j = 0; j < 4; ++j) CHECK(moved.pose_at(0)[j] == second.pose_at(0)[j]);
-    CHECK(two.models[0].casts_shadow()); // the fit's progress does not change the scene's
+    CHECK(two.models[0].occludes()); // the fit's progress does not change the scene's
 }
 
 TEST_CASE("a person whose poses are not refined, or who is not there, is refused") {

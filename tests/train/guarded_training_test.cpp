@@ -32,8 +32,8 @@ void check_equal(const Outcome& found, const Outcome& expected) {
 
 TEST_CASE("an avatar trains without the host touching the backend's memory") {
     const SmallScene scene;
-    for (const AmbientOcclusion ao : {AmbientOcclusion::time, AmbientOcclusion::pose}) {
-        CAPTURE(static_cast<int>(ao));
+    for (const char* ao : {AmbientOcclusion::time, AmbientOcclusion::pose}) {
+        CAPTURE(ao);
         check_equal(train_avatar<Guarded>(scene, {.ao = ao}), train_avatar<cpu::Serial>(scene, {.ao = ao}));
     }
 }
@@ -49,10 +49,11 @@ TEST_CASE("so it does with photographs that are brought for their step") {
 
 TEST_CASE("so do stored attributes, separate heads and dual quaternions") {
     const SmallScene scene;
-    const AvatarConfig stored{.hash_displacement = false, .hash_sh = false, .deformation = Deformation::polar};
+    const ConfiguredAvatarParams stored{
+        .hash_displacement = false, .hash_sh = false, .model = {.deformation = Deformation::polar}};
     check_equal(train_avatar<Guarded>(scene, stored), train_avatar<cpu::Serial>(scene, stored));
-    const AvatarConfig separate{
-        .heads = Heads::separate, .head_time = true, .deformation = Deformation::dual_quaternion};
+    const ConfiguredAvatarParams separate{
+        .heads = Heads::separate, .head_time = true, .model = {.deformation = Deformation::dual_quaternion}};
     check_equal(train_avatar<Guarded>(scene, separate), train_avatar<cpu::Serial>(scene, separate));
 }
 

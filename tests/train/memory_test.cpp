@@ -24,7 +24,7 @@ struct Sized {
     LearnedArrays<float> arrays; ///< for their names and sizes: the model that owns their memory is gone
     PartSize size;
 
-    Sized(const AvatarConfig& config, double samples, const PriorInputs& priors) {
+    Sized(const ConfiguredAvatarParams& config, double samples, const PriorInputs& priors) {
         const std::vector<double> betas(2, 0.0);
         const SurfaceSamples surface = sample_surface(body, shaped_vertices(body, betas),
                                                       std::vector<double>(body.vertex_count(), samples), 3);
@@ -40,9 +40,10 @@ struct Sized {
 } // namespace
 
 TEST_CASE("the stated size of an avatar is that of the arrays that it announces, in every configuration") {
-    const AvatarConfig plain{.hash_base = 3, .hash_growth = 1.4, .hash_table_size = 256, .mlp_width = 8,
-                             .ao_table_size = 128};
-    std::vector<AvatarConfig> configs;
+    const ConfiguredAvatarParams plain{
+        .appearance = {.field = {.grid = {.base = 3, .growth = 1.4, .table_size = 256}, .width = 8}},
+        .occlusion = {.grid = {.table_size = 128}}};
+    std::vector<ConfiguredAvatarParams> configs;
     for (const Heads heads : {Heads::shared, Heads::separate})
         for (const bool sh : {true, false})
             for (const bool displacement : {true, false})
@@ -51,10 +52,10 @@ TEST_CASE("the stated size of an avatar is that of the arrays that it announces,
                     configs.back().heads = heads, configs.back().ao = ao;
                     configs.back().hash_sh = sh, configs.back().hash_displacement = displacement;
                 }
-    configs.push_back(plain), configs.back().separate_tables = true;
+    configs.push_back(plain), configs.back().appearance.separate_tables = true;
     configs.push_back(plain), configs.back().head_time = true;
-    configs.push_back(plain), configs.back().mlp_hidden_layers = 3;
-    for (const AvatarConfig& config : configs)
+    configs.push_back(plain), configs.back().appearance.field.hidden_layers = 3;
+    for (const ConfiguredAvatarParams& config : configs)
         for (const PriorInputs& priors : {PriorInputs{}, PriorInputs{.feature_count = 3, .has_region = true}})
             for (const double samples : {1.0, 2.0}) {
                 const Sized avatar(config, samples, priors);
@@ -74,7 +75,7 @@ TEST_CASE("the stated size of an avatar is that of the arrays that it announces,
 }
 
 TEST_CASE("a budget has the stated sizes, what is held, and pictures; people multiply the sizes alone") {
-    const AvatarConfig config{.ao = AmbientOcclusion::time};
+    const ConfiguredAvatarParams config{.ao = AmbientOcclusion::time};
     const PartSize size = avatar_size<cpu::Serial>(config, 55, {.feature_count = 10, .has_region = true});
     const MemoryModel one = training_memory<cpu::Serial>(config, 100, 1000),
                       two = training_memory<cpu::Serial>(config, 100, 1000, 2),
@@ -89,11 +90,12 @@ TEST_CASE("a budget has the stated sizes, what is held, and pictures; people mul
 }
 
 TEST_CASE("the activations of a network grow with its width and depth") {
-    const AvatarConfig plain{.ao = AmbientOcclusion::time}; // two fields: the shared field's and ambient occlusion's
-    AvatarConfig wide = plain, deep = plain;
-    wide.mlp_width = 2 * plain.mlp_width, wide.ao_width = 2 * plain.ao_width;
-    deep.mlp_hidden_layers = plain.mlp_hidden_layers + 1;
-    const auto activations = [](const AvatarConfig& config) {
+    const ConfiguredAvatarParams plain{
+        .ao = AmbientOcclusion::time}; // two fields: the shared field's and ambient occlusion's
+    ConfiguredAvatarParams wide = plain, deep = plain;
+    wide.appearance.field.width = 2 * plain.appearance.field.width, wide.occlusion.width = 2 * plain.occlusion.width;
+    deep.appearance.field.hidden_layers = plain.appearance.field.hidden_layers + 1;
+    const auto activations = [](const ConfiguredAvatarParams& config) {
         return avatar_size<cpu::Serial>(config, 55, {}).other_per_point;
     };
     CHECK(activations(wide) - activations(plain) == 2 * (64 + 32));
@@ -110,10 +112,10 @@ TEST_CASE("poses take memory as long as they are kept") {
 }
 
 TEST_CASE("light takes memory for the mesh, for the maps of its shadows, and with each Gaussian") {
-    const AvatarConfig config{.light = true}, without{};
-    AvatarConfig unshadowed = config;
-    unshadowed.light_shadows = false;
-    const auto of = [](const AvatarConfig& c, std::size_t people, std::size_t vertices) {
+    const ConfiguredAvatarParams config{.light = true}, without{};
+    ConfiguredAvatarParams unshadowed = config;
+    unshadowed.lights.shadows = false;
+    const auto of = [](const ConfiguredAvatarParams& c, std::size_t people, std::size_t vertices) {
         return training_memory<cpu::Serial>(c, 100, 1000, people, {.vertex_count = vertices});
     };
     const MemoryModel dark = of(without, 1, 1000), lit = of(config, 1, 1000);
@@ -126,17 +128,17 @@ TEST_CASE("light takes memory for the mesh, for the maps of its shadows, and wit
 
 TEST_CASE("a GPU takes memory for the lists of each query of a grid, and for sums of networks") {
     const AvatarInputs inputs;
-    const auto on_device = [&](const AvatarConfig& config, std::size_t people = 1) {
+    const auto on_device = [&](const ConfiguredAvatarParams& config, std::size_t people = 1) {
         return training_memory<cpu::Serial>(config, 100, 1000, people, inputs, device_costs);
     };
-    const AvatarConfig paper{.ao = AmbientOcclusion::time}, shared{}, separate{.heads = Heads::separate};
-    const auto queries = [&](const AvatarConfig& config) {
+    const ConfiguredAvatarParams paper{.ao = AmbientOcclusion::time}, shared{}, separate{.heads = Heads::separate};
+    const auto queries = [&](const ConfiguredAvatarParams& config) {
         return avatar_size<cpu::Serial>(config, inputs.joint_count, inputs.priors).queries;
     };
     CHECK(queries(paper) == 2);
     CHECK(queries(shared) == 1);
     CHECK(queries(separate) == 1); // both fields read the same points
-    for (const AvatarConfig& config : {paper, shared, separate}) {
+    for (const ConfiguredAvatarParams& config : {paper, shared, separate}) {
         const PartSize size = avatar_size<cpu::Serial>(config, inputs.joint_count, inputs.priors);
         const MemoryModel host = training_memory<cpu::Serial>(config, 100, 1000), device = on_device(config);
         CHECK(device.per_gaussian == host.per_gaussian - host_costs.per_gaussian + device_costs.per_gaussian +

@@ -36,7 +36,10 @@ namespace {
 
 const vec3<double> beside{0.35, 0, -0.2}, in_front{0.12, 0.02, 0.5}, behind_the_cameras{0, 0, 40};
 
-constexpr AvatarConfig stored{.hash_displacement = false, .hash_sh = false, .rates = test::small_rates};
+const ConfiguredAvatarParams stored{.hash_displacement = false,
+                                    .hash_sh = false,
+                                    .appearance = {.sh_rate = test::small_sh_rate},
+                                    .model = {.quat_rate = 0}};
 
 /// Solid people in colours of their own: red or blue, with a random pattern in green.
 template <class B, class T>
@@ -123,7 +126,9 @@ TEST_CASE("an error about a Gaussian of several people names the person, in step
 
 TEST_CASE("two people learn the same on any number of threads") {
     const TwoPeople scene;
-    const AvatarConfig shaded{.ao = AmbientOcclusion::time, .ao_start = 0, .rates = test::small_rates};
+    const ConfiguredAvatarParams shaded{.appearance = {.sh_rate = test::small_sh_rate},
+                                        .ao = AmbientOcclusion::time,
+                                        .model = {.occlusion_start = 0, .quat_rate = 0}};
     Cast<cpu::Serial> serial(scene.scene, scene.motions, scene.photos, {}, shaded);
     serial.steps(10);
     CHECK(serial.parameters(0) != serial.parameters(1));
@@ -242,7 +247,7 @@ TEST_CASE("two people learn one light, whose arrays are listed once, and each ke
     std::deque<MotionRefinement<cpu::Serial>> refinements;
     for (const std::size_t p : {0, 1}) {
         refinements.emplace_back(cast.backend, cast.rigs[p], scene.motions[p], std::vector<Camera<double>>(),
-                                 test_time_config());
+                                 test_time_params());
         cast.people.refine(refinements[p], p);
     }
     const auto parameters = cast.parameters(0);
@@ -266,11 +271,13 @@ TEST_CASE("the gradient of one picture reaches both people, and is right") {
     Photo photo = scene.photos[0];
     photo.rgba = noise;
     // With rates of 0 nothing moves. A step then gives the loss and, as first moment, a tenth of the gradient.
-    AvatarConfig config{.initial_thickness = 1, .sh_dc_scale = 20};
-    LearningRates& r = config.rates;
-    for (double* rate : {&r.joints, &r.quats, &r.log_scales, &r.opacity_logits, &r.displacement, &r.sh,
-                         &r.stored_displacements, &r.stored_sh, &r.ao})
-        *rate = 1e-200;
+    constexpr double still = 1e-200;
+    const ConfiguredAvatarParams config{.appearance = {.sh_dc_scale = 20, .sh_rate = still, .displacement_rate = still},
+                                        .model = {.initial_thickness = 1,
+                                                  .joint_rate = still,
+                                                  .quat_rate = still,
+                                                  .log_scale_rate = still,
+                                                  .opacity_logit_rate = still}};
     Cast<cpu::Serial, double> cast(scene, {scene.motion, moved(scene.motion, in_front)}, {photo}, {}, config,
                                    {.random_background = false}, 2); // all steps have the same background
     for (auto& model : cast.models) {
@@ -312,14 +319,16 @@ TEST_CASE("the gradient of one picture reaches both people, and is right") {
 
 TEST_CASE("two people go on from a checkpoint bit for bit, refinement and all") {
     const TwoPeople scene;
-    const AvatarConfig shaded{.ao = AmbientOcclusion::time, .ao_start = 0.3, .rates = test::small_rates};
-    RefinementConfig moving;
+    const ConfiguredAvatarParams shaded{.appearance = {.sh_rate = test::small_sh_rate},
+                                        .ao = AmbientOcclusion::time,
+                                        .model = {.occlusion_start = 0.3, .quat_rate = 0}};
+    RefinementParams moving;
     for (RefinedGroup* group : {&moving.pose, &moving.transl, &moving.expression}) group->start = 2 / 16.0;
     struct Everything {
         Cast<cpu::Serial> cast;
         std::deque<MotionRefinement<cpu::Serial>> refinements;
 
-        Everything(const TwoPeople& of, const AvatarConfig& avatar, RefinementConfig refine)
+        Everything(const TwoPeople& of, const ConfiguredAvatarParams& avatar, RefinementParams refine)
             : cast(of.scene, of.motions, of.photos, {}, avatar) {
             for (const std::size_t p : {0, 1}) {
                 refinements.emplace_back(cast.backend, cast.rigs[p], of.motions[p],
@@ -372,7 +381,7 @@ TEST_CASE("a person's pose is found while somebody else stands in the way") {
     test::Rng rng(3);
     for (auto& v : estimate.pose) v += rng.vec(-0.05, 0.05);
     for (auto& t : estimate.transl) t += rng.vec(-0.02, 0.02);
-    MotionRefinement<cpu::Serial> refinement(cast.backend, cast.rigs[0], estimate, {}, test_time_config());
+    MotionRefinement<cpu::Serial> refinement(cast.backend, cast.rigs[0], estimate, {}, test_time_params());
     cast.people.refine(refinement);
     std::vector<Photo> photos;
     for (const Photo& photo : scene.photos)
@@ -393,22 +402,22 @@ TEST_CASE("poses that do not learn are prepared once, those of a refinement or o
     const Rig<cpu::Serial, float>& rig = cast.models[0].rig();
     const auto list = [](const auto& buffer) { return std::vector(buffer.data(), buffer.data() + buffer.size()); };
     const auto* first = &cast.people.pose(1);
-    CHECK(!first->shape.empty());
+    CHECK(!first->prepared.empty());
     CHECK(list(cast.people.pose(0).pose) != list(first->pose));
     CHECK(&cast.people.pose(1) == first);
     RigPose<cpu::Serial> expected;
     rig.upload_pose(scene.motion, 1, expected);
     rig.prepare(expected);
-    CHECK(list(first->shape.vertex_offsets) == list(expected.shape.vertex_offsets));
-    CHECK(list(first->shape.rotations) == list(expected.shape.rotations));
+    CHECK(list(first->prepared.vertex_offsets) == list(expected.prepared.vertex_offsets));
+    CHECK(list(first->prepared.rotations) == list(expected.prepared.rotations));
     CHECK_THROWS_AS((void)cast.people.pose(scene.motion.frame_count()), ValueError);
 
-    MotionRefinement<cpu::Serial> refinement(cast.backend, cast.rigs[0], scene.motion, {}, test_time_config());
+    MotionRefinement<cpu::Serial> refinement(cast.backend, cast.rigs[0], scene.motion, {}, test_time_params());
     cast.people.refine(refinement);
-    CHECK(cast.people.pose(1).shape.empty());
+    CHECK(cast.people.pose(1).prepared.empty());
 
     Motion longer = scene.motion;
-    for (std::size_t f = most_pose_memory / rig.shape_bytes(); f > 0; --f) {
+    for (std::size_t f = most_pose_memory / rig.prepared_bytes(); f > 0; --f) {
         const auto pose = scene.motion.pose_at(0);
         longer.pose.insert(longer.pose.end(), pose.begin(), pose.end());
         const auto expression = scene.motion.expression_at(0);
@@ -417,7 +426,7 @@ TEST_CASE("poses that do not learn are prepared once, those of a refinement or o
         longer.timestamps.push_back(longer.timestamps.back() + 1);
     }
     Cast<cpu::Serial> marathon(scene, {longer}, scene.photos);
-    CHECK(marathon.people.pose(1).shape.empty());
+    CHECK(marathon.people.pose(1).prepared.empty());
     CHECK(list(marathon.people.pose(1).pose) == list(expected.pose));
 }
 
@@ -437,7 +446,7 @@ TEST_CASE("people that do not fit together are refused") {
     using Frozen = FrozenPerson<SceneType, cpu::Serial>;
     CHECK_THROWS_AS(Frozen(cast.people, 0), ValueError); // its poses are not refined
     CHECK_THROWS_AS(Frozen(cast.people, 2), ValueError);
-    RefinementConfig config;
+    RefinementParams config;
     std::deque<MotionRefinement<cpu::Serial>> refinements;
     for (const std::size_t p : {0, 1})
         refinements.emplace_back(cast.backend, cast.rigs[p], scene.motion, scene.cameras, config);

@@ -18,8 +18,8 @@ using test::PosedScene;
 
 namespace {
 
-RefinementConfig quick() {
-    RefinementConfig config = test_time_config();
+RefinementParams quick() {
+    RefinementParams config = test_time_params();
     config.pose.rate = 1e-2, config.transl.rate = 3e-3, config.expression.rate = 0;
     return config;
 }
@@ -110,7 +110,7 @@ TEST_CASE("a fit that makes it worse leaves the estimate alone") {
     cpu::Serial backend;
     Avatar<cpu::Serial> avatar(backend, scene.avatar);
     PoseFit<cpu::Serial> fit(backend, scene.avatar.filter, {.steps = 2});
-    RefinementConfig config = quick();
+    RefinementParams config = quick();
     config.pose.rate = 1;
     MotionRefinement<cpu::Serial> motion(backend, scene.avatar.rig, scene.truth, {}, config);
     FrozenAvatar<cpu::Serial> frozen(avatar, motion);
@@ -143,7 +143,7 @@ TEST_CASE("no steps, no change; bad photographs are refused") {
     cpu::Serial backend;
     Avatar<cpu::Serial> avatar(backend, scene.avatar);
     PoseFit<cpu::Serial> fit(backend, scene.avatar.filter, {.steps = 0});
-    RefinementConfig config = quick();
+    RefinementParams config = quick();
     config.left_out = {3};
     MotionRefinement<cpu::Serial> motion(backend, scene.avatar.rig, scene.truth, {}, config);
     FrozenAvatar<cpu::Serial> frozen(avatar, motion);

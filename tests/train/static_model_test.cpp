@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gsh/cpu.hpp>
 #include <gsh/image/image.hpp>
-#include <gsh/setup/static_configuration.hpp>
 #include <gsh/setup/static_start.hpp>
 #include <gsh/train/evaluation.hpp>
 #include <gsh/train/static_model.hpp>
@@ -73,8 +72,8 @@ private:
     }
 };
 
-StaticConfig small_config(std::int64_t steps) {
-    StaticConfig config = static_config(steps);
+StaticModelParams small_config(std::int64_t steps) {
+    StaticModelParams config = static_model_params(steps);
     config.density.max_gaussians = 2000;
     config.sh_degree = 2;
     return config;
@@ -87,10 +86,10 @@ struct StaticTraining {
     Trainer<B, StaticModel<B>> trainer;
 
     StaticTraining(B& backend, const GaussianCloud<float>& start, const std::vector<Photo>& photos, std::uint64_t seed,
-                   const StaticConfig& config)
+                   const StaticModelParams& config)
         : model(backend, start, config.extent != 0 ? config.extent : scene_extent(photos), seed, config),
-          trainer(backend, model, photos, static_order_seed(seed), train_config_of(config)) {}
-    StaticTraining(B& backend, const BallScene& scene, std::size_t points, const StaticConfig& config,
+          trainer(backend, model, photos, static_order_seed(seed), train_params_of(config)) {}
+    StaticTraining(B& backend, const BallScene& scene, std::size_t points, const StaticModelParams& config,
                    std::uint64_t seed = 1)
         : StaticTraining(backend, start(scene.training(), points, seed), scene.training(), seed, config) {}
     StaticTraining(const StaticTraining&) = delete;
@@ -139,7 +138,7 @@ TEST_CASE("a small scene is learnt from eight views and shown from a ninth") {
 
 TEST_CASE("the same seed gives the same scene bit for bit, whatever the thread count") {
     const BallScene scene;
-    StaticConfig config = small_config(45);
+    StaticModelParams config = small_config(45);
     config.density.start = 5, config.density.interval = 10, config.density.reset_interval = 20,
     config.density.stop = 40;
     config.sh_interval = 15;
@@ -160,7 +159,7 @@ TEST_CASE("the same seed gives the same scene bit for bit, whatever the thread c
 TEST_CASE("a degree more changes no picture") {
     const BallScene scene;
     cpu::Serial backend;
-    StaticConfig config = small_config(100);
+    StaticModelParams config = small_config(100);
     config.density.start = 1000;
     config.density.reset_interval = 0;
     config.sh_interval = 4;
@@ -187,7 +186,8 @@ TEST_CASE("a degree more changes no picture") {
 }
 
 TEST_CASE("a budget of steps keeps the proportions of 30,000") {
-    const StaticConfig whole = static_config(30000), tenth = static_config(3000), tiny = static_config(1);
+    const StaticModelParams whole = static_model_params(30000), tenth = static_model_params(3000),
+                            tiny = static_model_params(1);
     CHECK(whole.density.start == 500);
     CHECK(whole.density.stop == 15000);
     CHECK(whole.density.interval == 100);
@@ -199,7 +199,7 @@ TEST_CASE("a budget of steps keeps the proportions of 30,000") {
     CHECK(tenth.density.reset_interval == 300);
     CHECK(tenth.density.interval == 25);
     CHECK(tiny.sh_interval == 1);
-    CHECK_THROWS_AS((void)static_config(0), ValueError);
+    CHECK_THROWS_AS((void)static_model_params(0), ValueError);
 }
 
 TEST_CASE("the trainer refuses what it cannot train on") {
@@ -208,7 +208,7 @@ TEST_CASE("the trainer refuses what it cannot train on") {
     const auto photos = scene.training();
     const GaussianCloud<float> cloud(4, 1);
     const auto refuse = [&](const GaussianCloud<float>& start, const std::vector<Photo>& views,
-                            const StaticConfig& config, std::string_view word) {
+                            const StaticModelParams& config, std::string_view word) {
         test::check_throws([&] { StaticTraining<cpu::Serial>(backend, start, views, 0, config); }, {word});
     };
     refuse(cloud, {}, {}, "no photographs");
@@ -229,8 +229,8 @@ TEST_CASE("the trainer refuses what it cannot train on") {
 }
 
 TEST_CASE("a static scene trains as 3DGS does: one background, rates that its own schedule moves") {
-    const StaticConfig config = static_config(1000);
-    const TrainConfig train = train_config_of(config);
+    const StaticModelParams config = static_model_params(1000);
+    const TrainParams train = train_params_of(config);
     CHECK(!train.random_background);
     CHECK(train.background == config.background);
     CHECK(train.ssim_weight == config.ssim_weight);

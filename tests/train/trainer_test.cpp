@@ -42,12 +42,13 @@ struct Estimated {
 
     Estimated(Motion poses, std::vector<Camera<double>> calibration)
         : motion(std::move(poses)), cameras(std::move(calibration)),
-          model(test::small_avatar(backend, scene.avatar.rig, samples(), motion.frame_count(), 3,
-                                   {.hash_displacement = false, .rates = {.joints = 0, .stored_displacements = 0}})),
+          model(test::small_avatar(
+              backend, scene.avatar.rig, samples(), motion.frame_count(), 3,
+              {.hash_displacement = false, .appearance = {.stored_displacement_rate = 0}, .model = {.joint_rate = 0}})),
           people(backend, model, motion), trainer(backend, people, photos(), 3) {}
     Estimated(const Estimated&) = delete;
 
-    void refine(const RefinementConfig& config, bool with_cameras = false) {
+    void refine(const RefinementParams& config, bool with_cameras = false) {
         refinement.emplace(backend, scene.avatar.rig, motion, with_cameras ? cameras : std::vector<Camera<double>>(),
                            config);
         people.refine(*refinement);
@@ -211,8 +212,8 @@ TEST_CASE("a term of the loss gets each frame that counts, with a gradient where
     };
     const PosedScene posed;
     Estimated still(posed.truth, posed.cameras), pushed(posed.truth, posed.cameras);
-    const RefinementConfig config{.pose = {}, .transl = {.rate = 1e-3}, .expression = {}, .betas = {}, .pose_bias = {},
-                                  .transl_bias = {}};
+    const RefinementParams config{
+        .pose = {}, .transl = {.rate = 1e-3}, .expression = {}, .betas = {}, .pose_bias = {}, .transl_bias = {}};
     still.refine(config), pushed.refine(config);
     Spy term;
     pushed.people.add(term);
@@ -347,14 +348,14 @@ TEST_CASE("the trainer refuses photographs that do not fit") {
 }
 
 TEST_CASE("rates stay as they are, then fall geometrically to their last value") {
-    const TrainConfig config{.decay_start = 0.6, .final_rate = 0.04};
+    const TrainParams config{.decay_start = 0.6, .final_rate = 0.04};
     for (const double progress : {-1.0, 0.0, 0.3, 0.6}) CHECK(config.rate_factor(progress) == 1);
     CHECK(config.rate_factor(0.8) == doctest::Approx(0.2));
     CHECK(config.rate_factor(0.9) == doctest::Approx(0.2 * std::sqrt(0.2)));
     for (const double progress : {1.0, 2.0}) CHECK(config.rate_factor(progress) == doctest::Approx(0.04));
-    CHECK(TrainConfig{.decay_start = 1, .final_rate = 0.04}.rate_factor(1) == 1); // rates never fall
-    CHECK(TrainConfig{.decay_start = 0, .final_rate = 0.04}.rate_factor(0.5) == doctest::Approx(0.2));
-    CHECK(baseline_config().rate_factor(1) == 1);
+    CHECK(TrainParams{.decay_start = 1, .final_rate = 0.04}.rate_factor(1) == 1); // rates never fall
+    CHECK(TrainParams{.decay_start = 0, .final_rate = 0.04}.rate_factor(0.5) == doctest::Approx(0.2));
+    CHECK(baseline_train_params().rate_factor(1) == 1);
 }
 
 TEST_CASE("the trainer refuses a configuration that would end in NaN") {
@@ -362,37 +363,39 @@ TEST_CASE("the trainer refuses a configuration that would end in NaN") {
     SmallTraining<cpu::Serial> training(scene);
     using TrainerType = SmallTraining<cpu::Serial>::TrainerType;
     const auto refuse = [&](auto change) {
-        TrainConfig config;
+        TrainParams config;
         change(config);
         CHECK_THROWS_AS(TrainerType(training.backend, training.people, scene.photos, 1, config), ValueError);
     };
-    refuse([](TrainConfig& c) { c.decay_start = 1.5; });
-    refuse([](TrainConfig& c) { c.decay_start = NAN; });
-    refuse([](TrainConfig& c) { c.final_rate = 0; });
-    refuse([](TrainConfig& c) { c.final_rate = -0.1; }); // its powers are not numbers
-    refuse([](TrainConfig& c) { c.ssim_weight = 1.5; });
-    refuse([](TrainConfig& c) { c.filter.dilation = -0.1; });
+    refuse([](TrainParams& c) { c.decay_start = 1.5; });
+    refuse([](TrainParams& c) { c.decay_start = NAN; });
+    refuse([](TrainParams& c) { c.final_rate = 0; });
+    refuse([](TrainParams& c) { c.final_rate = -0.1; }); // its powers are not numbers
+    refuse([](TrainParams& c) { c.ssim_weight = 1.5; });
+    refuse([](TrainParams& c) { c.filter.dilation = -0.1; });
     const auto refuse_avatar = [&](auto change) { // rates and starts belong to the avatar's arrays
-        AvatarConfig config{.ao = AmbientOcclusion::time};
+        ConfiguredAvatarParams config{.ao = AmbientOcclusion::time};
         change(config);
         CHECK_THROWS_AS(SmallTraining<cpu::Serial>(scene, cpu::Serial(), 3, config), ValueError);
     };
-    refuse_avatar([](AvatarConfig& c) { c.rates.sh = -1e-3; });
-    refuse_avatar([](AvatarConfig& c) { c.rates.displacement = -1e-3; }); // the last weights of the shared network
-    refuse_avatar([](AvatarConfig& c) { c.rates.ao = NAN; });
-    refuse_avatar([](AvatarConfig& c) { c.ao_start = -1; });
-    refuse_avatar([](AvatarConfig& c) { c.ao_start = NAN; });
-    refuse_avatar([](AvatarConfig& c) { c.sh_start = -1; });
-    refuse_avatar([](AvatarConfig& c) { c.sh_start = NAN; });
-    refuse_avatar([](AvatarConfig& c) {
+    refuse_avatar([](ConfiguredAvatarParams& c) { c.appearance.sh_rate = -1e-3; });
+    refuse_avatar([](ConfiguredAvatarParams& c) {
+        c.appearance.displacement_rate = -1e-3;
+    }); // the last weights of the shared network
+    refuse_avatar([](ConfiguredAvatarParams& c) { c.occlusion.rate = NAN; });
+    refuse_avatar([](ConfiguredAvatarParams& c) { c.model.occlusion_start = -1; });
+    refuse_avatar([](ConfiguredAvatarParams& c) { c.model.occlusion_start = NAN; });
+    refuse_avatar([](ConfiguredAvatarParams& c) { c.model.sh_start = -1; });
+    refuse_avatar([](ConfiguredAvatarParams& c) { c.model.sh_start = NAN; });
+    refuse_avatar([](ConfiguredAvatarParams& c) {
         c.hash_sh = false;
-        c.rates.stored_sh = -1;
+        c.appearance.stored_sh_rate = -1;
     });
 }
 
 TEST_CASE("estimated poses come closer to the true ones while the avatar is learned") {
     const PosedScene scene;
-    RefinementConfig config;
+    RefinementParams config;
     config.pose = {.rate = 4e-3, .start = 0.25, .terms = {.pull = 1e-3}};
     config.transl = {.rate = 1e-3, .start = 0.25, .terms = {.pull = 1e-3}};
     config.expression = {};
@@ -422,7 +425,7 @@ TEST_CASE("a camera that stands elsewhere than its file says finds its place, an
     const PosedScene scene;
     auto cameras = scene.cameras;
     cameras[1].t += vec3<double>(0.03, -0.02, 0);
-    RefinementConfig config;
+    RefinementParams config;
     for (RefinedGroup* group : {&config.pose, &config.transl, &config.expression}) *group = {};
     config.camera_rotation = {.rate = 1e-3, .start = 0.15, .terms = {.pull = 1e-3}};
     config.camera_translation = {.rate = 1e-3, .start = 0.15, .terms = {.pull = 1e-3}};
@@ -444,7 +447,7 @@ TEST_CASE("a camera that stands elsewhere than its file says finds its place, an
 
 TEST_CASE("a refinement that waits for its start changes nothing, and one that has started does") {
     const PosedScene scene;
-    RefinementConfig config;
+    RefinementParams config;
     for (RefinedGroup* group : {&config.pose, &config.transl, &config.expression}) group->start = 0.2;
     for (RefinedGroup* group : {&config.camera_rotation, &config.camera_translation}) group->rate = 0;
     Estimated refined(scene.estimate(), scene.cameras), plain(scene.estimate(), scene.cameras);
@@ -461,7 +464,7 @@ TEST_CASE("a refinement that waits for its start changes nothing, and one that h
 
 TEST_CASE("a frame that is left out of refinement trains at its estimate") {
     const PosedScene scene;
-    RefinementConfig config;
+    RefinementParams config;
     for (RefinedGroup* group : {&config.pose, &config.transl}) group->start = 0;
     config.left_out = {2};
     Estimated refined(scene.estimate(), scene.cameras);
@@ -564,8 +567,9 @@ TEST_CASE("the time that fields read is the frame's number, whatever the time on
         motion.timestamps.push_back(static_cast<double>(frame));
     }
     const auto train = [&] {
-        SmallTraining<cpu::Serial> training(scene, cpu::Serial(), 3,
-                                            {.head_time = true, .ao = AmbientOcclusion::time, .ao_start = 0});
+        SmallTraining<cpu::Serial> training(
+            scene, cpu::Serial(), 3,
+            {.head_time = true, .ao = AmbientOcclusion::time, .model = {.occlusion_start = 0}});
         training.steps(4);
         return training.parameters();
     };
@@ -579,10 +583,10 @@ TEST_CASE("the time that fields read is the frame's number, whatever the time on
 
 TEST_CASE("ambient occlusion waits for its start: until then it neither learns nor shades") {
     const SmallScene scene;
-    const LearningRates rates{.quats = 0};
-    SmallTraining<cpu::Serial> shaded(scene, cpu::Serial(), 3,
-                                      {.ao = AmbientOcclusion::time, .ao_start = 0.4, .rates = rates}),
-        plain(scene, cpu::Serial(), 3, {.ao_start = 0.4, .rates = rates});
+    ConfiguredAvatarParams params{.model = {.occlusion_start = 0.4, .quat_rate = 0}};
+    SmallTraining<cpu::Serial> plain(scene, cpu::Serial(), 3, params);
+    params.ao = AmbientOcclusion::time;
+    SmallTraining<cpu::Serial> shaded(scene, cpu::Serial(), 3, params);
     const auto ao = [&] {
         auto both = shaded.parameters("shadow_field.table");
         const auto network = shaded.parameters("shadow_field.network");
@@ -596,19 +600,20 @@ TEST_CASE("ambient occlusion waits for its start: until then it neither learns n
     CHECK(ao() == initial);
     for (const auto* name : {"joints", "shared_field.table", "shared_field.network", "opacity_logits", "log_scales"})
         CHECK(shaded.parameters(name) == plain.parameters(name));
-    CHECK(!shaded.model.casts_shadow());
+    CHECK(!shaded.model.occludes());
     CHECK(shaded.mean_ao().empty());
     shaded.steps(6, 0.4), plain.steps(6, 0.4);
     CHECK(ao() != initial);
     CHECK(shaded.parameters("shared_field.table") != plain.parameters("shared_field.table"));
-    CHECK(shaded.model.casts_shadow());
-    CHECK(!plain.model.casts_shadow());
+    CHECK(shaded.model.occludes());
+    CHECK(!plain.model.occludes());
     CHECK(plain.mean_ao().empty());
 }
 
-TEST_CASE("shadows that follow the pose are learned, and have a mean") {
+TEST_CASE("ambient occlusion that follows the pose is learned, and has a mean") {
     const SmallScene scene;
-    SmallTraining<cpu::Serial> training(scene, cpu::Serial(), 3, {.ao = AmbientOcclusion::pose, .ao_start = 0});
+    SmallTraining<cpu::Serial> training(scene, cpu::Serial(), 3,
+                                        {.ao = AmbientOcclusion::pose, .model = {.occlusion_start = 0}});
     const auto initial = training.parameters("shadow_field.network");
     training.steps(8);
     CHECK(training.parameters("shadow_field.network") != initial);
@@ -638,12 +643,13 @@ TEST_CASE("an observer is told of each stage once, in order, and changes nothing
 
 TEST_CASE("a trainer that is resumed goes on where it is told to") {
     const SmallScene scene;
-    SmallTraining<cpu::Serial> training(scene, cpu::Serial(), 3, {.ao = AmbientOcclusion::time, .ao_start = 0.5});
+    SmallTraining<cpu::Serial> training(scene, cpu::Serial(), 3,
+                                        {.ao = AmbientOcclusion::time, .model = {.occlusion_start = 0.5}});
     CHECK(training.trainer.seed() == 3);
     training.trainer.resume(7, 0.6);
     CHECK(training.trainer.step_count() == 7);
     CHECK(training.trainer.progress() == 0.6);
-    CHECK(training.model.casts_shadow());
+    CHECK(training.model.occludes());
     training.trainer.resume(2, 0.4);
-    CHECK(!training.model.casts_shadow());
+    CHECK(!training.model.occludes());
 }

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <gsh/core/config.hpp>
+#include <gsh/core/enum_names.hpp>
 #include <gsh/core/lane.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/math/affine.hpp>
@@ -10,8 +11,10 @@
 #include <gsh/math/polar.hpp>
 #include <gsh/math/vec.hpp>
 
+#include <array>
 #include <concepts>
 #include <cstddef>
+#include <string_view>
 
 namespace gsh {
 
@@ -20,6 +23,10 @@ enum class Deformation {
     linear,         ///< M = Σ w_i B_i moves mean, covariance and direction, including shear, as in the paper
     polar,          ///< M moves the mean; covariance and direction turn by the rotation nearest to M
     dual_quaternion ///< the normalised blend of the bones' dual quaternions, a rigid motion, moves everything
+};
+template <>
+struct EnumNames<Deformation> {
+    static constexpr std::array<std::string_view, 3> names{"linear", "polar", "dual_quaternion"};
 };
 
 /// normalise(L⁻¹ offset): a direction of the posed world in the canonical frame, by the true inverse.

@@ -72,18 +72,22 @@ struct RigData {
     return motion;
 }
 
-/// What a pose does to a body wherever its joints rest: rotations of the joints, and offsets of the vertices.
+/// The part of a pose's work that depends on the pose alone: rotations of the joints, and offsets of the vertices.
 ///
-/// Shapes  rotations [J], of each joint against its parent; coefficients [S + E + 9 (J - 1)]: β - β_init, ψ and
+/// Shapes  rotations [J], of each joint against its parent; blend_coefficients [S + E + 9 (J - 1)]: β - β_init, ψ and
 ///         vec(R - I); vertex_offsets [V], metres, canonical frame.
 template <Backend B, std::floating_point T = float>
-struct RigShape {
+struct PreparedPose {
     typename B::template Buffer<mat3<T>> rotations;
-    typename B::template Buffer<T> coefficients;
+    typename B::template Buffer<T> blend_coefficients;
     typename B::template Buffer<vec3<T>> vertex_offsets;
 
     [[nodiscard]] bool empty() const { return rotations.size() == 0; }
 };
+
+/// The name of PreparedPose until now.
+template <Backend B, std::floating_point T = float>
+using RigShape [[deprecated("use PreparedPose")]] = PreparedPose<B, T>;
 
 /// One frame's pose in a backend's memory.
 ///
@@ -93,9 +97,9 @@ struct RigPose {
     typename B::template Buffer<vec3<T>> pose;
     typename B::template Buffer<T> coefficients;
     typename B::template Buffer<vec3<T>> transl;
-    /// The shape of this pose after Rig::prepare, for Rig::forward to read; otherwise empty. A pose that is changed in
-    /// place must be prepared again.
-    RigShape<B, T> shape;
+    /// What Rig::prepare has computed, for Rig::forward to read; otherwise empty. A pose that is changed in place must
+    /// be prepared again.
+    PreparedPose<B, T> prepared;
 };
 
 /// Gradient with respect to a RigPose; the parts with an empty span are not computed.
@@ -143,12 +147,12 @@ public:
     /// Results of forward, which `add_offsets` and `backward` need. The views are valid as long as this cache, and the
     /// pose if it was prepared.
     struct Cache {
-        Span<const mat3<T>> rotations;    // [J], as in RigShape
-        Span<const T> coefficients;
+        Span<const mat3<T>> rotations; // [J], as in PreparedPose
+        Span<const T> blend_coefficients;
         Span<const vec3<T>> vertex_offsets;
         Buffer<vec3<T>> joints;           // [J] at this frame
         Buffer<Affine<T>> bones;          // [J]
-        RigShape<B, T> shape;             // of a pose that was not prepared
+        PreparedPose<B, T> prepared;      // of a pose that was not prepared
         // working storage of backward
         Buffer<mat3<T>> dL_drotations;
         Buffer<T> dL_dcoefficients;
@@ -211,13 +215,13 @@ public:
         assign(*backend_, angles, pose.pose);
         assign(*backend_, coefficients, pose.coefficients);
         assign(*backend_, Span<const vec3<T>>(&transl, 1), pose.transl);
-        pose.shape = {};
+        pose.prepared = {};
     }
 
-    /// Computes the shape of a pose, so that forward does not. For poses that are used more than once.
-    void prepare(RigPose<B, T>& pose) const { compute_shape(pose, pose.shape); }
-    /// The memory of a pose's shape.
-    [[nodiscard]] std::size_t shape_bytes() const {
+    /// Computes what depends on the pose alone, so that forward does not. For poses that are used more than once.
+    void prepare(RigPose<B, T>& pose) const { compute(pose, pose.prepared); }
+    /// The memory of a PreparedPose.
+    [[nodiscard]] std::size_t prepared_bytes() const {
         return sizeof(mat3<T>) * joint_count_ + sizeof(T) * (coefficient_count() + feature_count_) +
                sizeof(vec3<T>) * vertex_count_;
     }
@@ -226,17 +230,17 @@ public:
     void forward(const RigPose<B, T>& pose, Span<const vec3<T>> joints, Cache& cache) const {
         check_size("Rig::forward", "joints", joints.size(), joint_count_, "store one per joint");
         check_memory(*backend_, "Rig::forward", "joints", joints);
-        if (pose.shape.empty()) compute_shape(pose, cache.shape);
-        const RigShape<B, T>& shape = pose.shape.empty() ? cache.shape : pose.shape;
-        check_size("Rig::forward", "pose.shape.vertex_offsets", shape.vertex_offsets.size(), vertex_count_,
+        if (pose.prepared.empty()) compute(pose, cache.prepared);
+        const PreparedPose<B, T>& prepared = pose.prepared.empty() ? cache.prepared : pose.prepared;
+        check_size("Rig::forward", "pose.prepared.vertex_offsets", prepared.vertex_offsets.size(), vertex_count_,
                    "prepare the pose with this rig");
-        cache.rotations = shape.rotations;
-        cache.coefficients = shape.coefficients;
-        cache.vertex_offsets = shape.vertex_offsets;
+        cache.rotations = prepared.rotations;
+        cache.blend_coefficients = prepared.blend_coefficients;
+        cache.vertex_offsets = prepared.vertex_offsets;
         cache.joints.resize(joint_count_);
         cache.bones.resize(joint_count_);
         backend_->copy(joints, cache.joints);
-        joint_shapes_.forward(cache.coefficients.subspan(0, coefficient_count()), cache.joints);
+        joint_shapes_.forward(cache.blend_coefficients.subspan(0, coefficient_count()), cache.joints);
         skeleton_.bones(cache.rotations, cache.joints, pose.transl, cache.bones);
     }
 
@@ -267,7 +271,7 @@ public:
         backend_->for_each(joint_count_, detail::Accumulate<vec3<T>>{cache.dL_djoints, dL_djoints});
         if (dL_dpose.empty()) return;
 
-        cache.dL_dcoefficients.resize(cache.coefficients.size());
+        cache.dL_dcoefficients.resize(cache.blend_coefficients.size());
         cache.dL_dvertex_offsets.resize(vertex_count_);
         backend_->fill(Span<T>(cache.dL_dcoefficients), T(0));
         if (dL_dvertex_offsets.empty()) {
@@ -293,18 +297,18 @@ public:
     }
 
 private:
-    void compute_shape(const RigPose<B, T>& pose, RigShape<B, T>& shape) const {
+    void compute(const RigPose<B, T>& pose, PreparedPose<B, T>& prepared) const {
         check_size("Rig", "pose.coefficients", pose.coefficients.size(), coefficient_count());
-        shape.rotations.resize(joint_count_);
-        shape.coefficients.resize(coefficient_count() + feature_count_);
-        shape.vertex_offsets.resize(vertex_count_);
-        skeleton_.rotations(pose.pose, shape.rotations);
-        const Span<T> coefficients = shape.coefficients;
+        prepared.rotations.resize(joint_count_);
+        prepared.blend_coefficients.resize(coefficient_count() + feature_count_);
+        prepared.vertex_offsets.resize(vertex_count_);
+        skeleton_.rotations(pose.pose, prepared.rotations);
+        const Span<T> coefficients = prepared.blend_coefficients;
         backend_->for_each(coefficient_count(), detail::Difference<T>{pose.coefficients, initial_, coefficients});
         if (feature_count_)
-            skeleton_.feature(shape.rotations, coefficients.subspan(coefficient_count(), feature_count_));
-        backend_->fill(Span<vec3<T>>(shape.vertex_offsets), vec3<T>(T(0)));
-        vertex_shapes_.forward(coefficients, shape.vertex_offsets);
+            skeleton_.feature(prepared.rotations, coefficients.subspan(coefficient_count(), feature_count_));
+        backend_->fill(Span<vec3<T>>(prepared.vertex_offsets), vec3<T>(T(0)));
+        vertex_shapes_.forward(coefficients, prepared.vertex_offsets);
     }
 
     B* backend_;

@@ -1,207 +1,215 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  From canonical Gaussians to posed splats: position, covariance and colour under a blend of bones.
+/// @file  One Gaussian of an avatar: posing and its adjoint, and views of the arrays of attributes.
 #pragma once
 
 #include <gsh/avatar/deformation.hpp>
-#include <gsh/avatar/skinned_element.hpp>
 #include <gsh/backend/backend.hpp>
+#include <gsh/backend/memory.hpp>
 #include <gsh/body/skinning.hpp>
+#include <gsh/core/config.hpp>
 #include <gsh/core/deferred.hpp>
-#include <gsh/core/error.hpp>
+#include <gsh/core/lane.hpp>
 #include <gsh/core/span.hpp>
+#include <gsh/gaussian/covariance.hpp>
+#include <gsh/gaussian/gaussians.hpp>
 #include <gsh/gaussian/shade.hpp>
 #include <gsh/gaussian/splats.hpp>
+#include <gsh/math/activation.hpp>
 #include <gsh/math/affine.hpp>
-#include <gsh/math/dual_quat.hpp>
+#include <gsh/math/quat.hpp>
+#include <gsh/math/sh.hpp>
 #include <gsh/math/vec.hpp>
 
 #include <concepts>
 #include <cstddef>
-#include <string>
 #include <string_view>
 #include <type_traits>
 
 namespace gsh {
 
-/// Private storage of a backend in backward, for instance partial sums over bones. Each backend specialises it beside
-/// its overloads.
-template <Backend B, std::floating_point T>
-struct SkinnedSplatsScratch {
-    static_assert(detail::overload_is_included<B>,
-                  "SkinnedSplats: include its backend's overloads, "
-                  "<gsh/avatar/cpu/skinned_gaussian.hpp> or <gsh/cpu.hpp>");
+/// One Gaussian of an avatar, posed by a blend of bones.
+///
+/// M is the affine map and A the 3x3 matrix that the policy D derives from the blend (for LinearBlend A = M₃, not made
+/// orthonormal): mean = M x, covariance = A R S Sᵀ Rᵀ Aᵀ, opacity = sigmoid(o), and the colour seen along
+/// d = normalise(A⁻¹ (M x - center)), a direction in the frame of the coefficients.
+///
+/// Shapes  sh [basis_count] RGB.
+/// Frame   x, q, sh canonical; mean, covariance, center in the world.
+/// Units   metres, logarithm of metres; ao a factor on the colour.
+/// Errors  none, this is kernel code; a singular A gives a flat covariance and a finite direction.
+/// Source  the equations are those of the paper's deformation section. The Animatable 3D Gaussian code (Liu et al.,
+///         2024) has the transpose of A in place of the inverse; the adjoint here has every term.
+template <int Degree, DeformationPolicy D = LinearBlend>
+struct SkinnedGaussian {
+    static constexpr int basis_count = sh_basis_count(Degree);
+    template <Lane T>
+    using Blend = typename D::template Bone<T>;
+
+    template <Lane T>
+    struct Input {
+        vec3<T> mean;
+        quat<T> q;
+        vec3<T> log_scale;
+        T opacity_logit;
+        const vec3<T>* sh;
+        T ao;
+        Blend<T> blend;
+        vec3<T> center;
+    };
+    template <Lane T>
+    using Output = Splat<T>;
+    /// Gradient with respect to an Input; sh points to the array to which its part is added.
+    template <Lane T>
+    struct Gradient {
+        vec3<T> mean = vec3<T>(T(0));
+        quat<T> q = {T(0), T(0), T(0), T(0)};
+        vec3<T> log_scale = vec3<T>(T(0));
+        T opacity_logit = T(0);
+        vec3<T>* sh = nullptr;
+        T ao = T(0);
+        Blend<T> blend = Blend<T>::zero();
+        vec3<T> center = vec3<T>(T(0));
+    };
+
+    template <Lane T>
+    [[nodiscard]] GSH_HD static Output<T> forward(const Input<T>& in, ColorClamp clamping) {
+        const typename D::template Transform<T> transform(in.blend);
+        const vec3<T> mean = transform.map()(in.mean);
+        const typename D::template Direction<T> view(transform.turn(), mean - in.center);
+        return {mean, gram(transform.turn() * covariance_factor(in.q, in.log_scale)), sigmoid(in.opacity_logit),
+                shade<Degree>(in.sh, view.dir, in.ao, clamping)};
+    }
+
+    /// Adds to dL_din.
+    template <Lane T>
+    GSH_HD static void backward(const Input<T>& in, ColorClamp clamping, const Output<T>& dL_dout,
+                                Gradient<T>& dL_din) {
+        const typename D::template Transform<T> transform(in.blend);
+        typename D::template Transform<T>::Gradient dL_dtransform(dL_din.blend);
+        const mat3<T>& A = transform.turn();
+        const vec3<T> offset = transform.map()(in.mean) - in.center;
+        const typename D::template Direction<T> view(A, offset);
+        vec3<T> dL_ddir(T(0)), dL_doffset(T(0));
+        shade_backward<Degree>(in.sh, view.dir, in.ao, clamping, dL_dout.color, dL_din.sh, dL_ddir, dL_din.ao);
+        view.backward(A, offset, dL_ddir, dL_dtransform.turn(), dL_doffset);
+        dL_din.center -= dL_doffset;
+        apply_backward(transform.map(), in.mean, dL_dout.mean + dL_doffset, dL_dtransform.map(), dL_din.mean);
+
+        const detail::CovarianceFactor<T> factor(in.q, in.log_scale);
+        const mat3<T> dL_dposed = full_gradient(dL_dout.covariance) * (A * factor.F) * T(2); // of A F
+        dL_dtransform.turn() += dL_dposed * transpose(factor.F);
+        factor.backward(in.q, transpose(A) * dL_dposed, dL_din.q, dL_din.log_scale);
+        sigmoid_backward(sigmoid(in.opacity_logit), dL_dout.opacity, dL_din.opacity_logit);
+        transform.complete(dL_dtransform, dL_din.blend);
+    }
 };
 
-/// The settings of SkinnedSplats.
-struct SkinnedSplatsParams {
-    ColorClamp clamping = ColorClamp::both;        ///< the colours of a photograph lie in [0, 1]
-    Deformation deformation = Deformation::linear; ///< the paper's; for NamedDeformation
+/// Views of an avatar's N Gaussians; `SkinnedView<const T>` is an input, `SkinnedView<T>` a gradient. An attribute of a
+/// gradient may be empty; it is then not computed. Weights are fixed and have no gradient.
+///
+/// Shapes  means, quats, log_scales, opacity_logits [N]; sh [N, sh_stride] RGB, of which the first (Degree+1)² are
+///         used, so that the output of a network can be viewed in place; ao [N], or empty for 1.
+template <class T>
+struct SkinnedView {
+    using Scalar = std::remove_const_t<T>;
+    template <class U>
+    using Like = std::conditional_t<std::is_const_v<T>, const U, U>;
+
+    Span<Like<vec3<Scalar>>> means = {};
+    Span<Like<quat<Scalar>>> quats = {};
+    Span<Like<vec3<Scalar>>> log_scales = {};
+    Span<T> opacity_logits = {};
+    Span<Like<vec3<Scalar>>> sh = {};
+    Span<T> ao = {};
+    SkinWeights<Scalar> weights = {};
+    std::size_t sh_stride = 0; ///< vectors from one Gaussian's coefficients to the next; 0 for (Degree+1)²
+
+    [[nodiscard]] GSH_HD std::size_t size() const { return means.size(); }
 };
 
-/// Working storage of both passes, kept from step to step.
-template <Backend B, std::floating_point T = float>
-struct SkinnedSplatsCache {
-    // Used if bones are blended as dual quaternions:
-    typename B::template Buffer<dual_quat<T>> dual_bones, dL_ddual_bones; // [J]
-    SkinnedSplatsScratch<B, T> scratch;                                   // the backend's own
-};
+/// Throws MemoryError unless the backend can access every attribute.
+template <Backend B, class T>
+void check_memory(const B& backend, std::string_view where, std::string_view argument, const SkinnedView<T>& view) {
+    check_memory(backend, where, argument, view.means, "means");
+    check_memory(backend, where, argument, view.quats, "quats");
+    check_memory(backend, where, argument, view.log_scales, "log_scales");
+    check_memory(backend, where, argument, view.opacity_logits, "opacity_logits");
+    check_memory(backend, where, argument, view.sh, "sh");
+    check_memory(backend, where, argument, view.ao, "ao");
+    check_memory(backend, where, argument, view.weights.joints, "weights.joints");
+    check_memory(backend, where, argument, view.weights.weights, "weights.weights");
+}
 
 namespace detail {
 
-template <class T>
-void check_skinned(std::string_view where, std::string_view argument, const SkinnedView<T>& view, std::size_t count,
-                   std::size_t basis_count, bool gradient) {
-    const auto check = [&](const char* name, std::size_t found, std::size_t expected, std::string_view hint) {
-        if (found == expected || (gradient && found == 0)) return; // names are made for errors alone
-        check_size(where, std::string(argument).append(".").append(name), found, expected, hint);
-    };
-    const std::size_t stride = view.sh_stride ? view.sh_stride : basis_count;
-    check_value(stride >= basis_count, where, "sh_stride is smaller than the number of coefficients of this degree");
-    check("means", view.means.size(), count, "one mean per Gaussian");
-    check("quats", view.quats.size(), count, "one quaternion per Gaussian");
-    check("log_scales", view.log_scales.size(), count, "three log-scales per Gaussian");
-    check("opacity_logits", view.opacity_logits.size(), count, "one opacity logit per Gaussian");
-    // A strided view may end after the coefficients of its last Gaussian.
-    const std::size_t shortest = count ? (count - 1) * stride + basis_count : 0;
-    if (view.sh.size() < shortest || view.sh.size() > count * stride)
-        check("sh", view.sh.size(), count * stride, "(Degree + 1)² RGB coefficients per Gaussian, or sh_stride");
-    if (!view.ao.empty()) check("ao", view.ao.size(), count, "one factor per Gaussian, or none");
-    if (!gradient) check_skin(where, view.weights, count);
-}
+template <int Degree, class T, class D = LinearBlend>
+struct SkinnedInput {
+    using Bone = typename D::template Bone<T>;
 
-template <class T>
-void check_posed(std::string_view where, std::string_view argument, const SplatView<T>& splats, std::size_t count) {
-    const auto check = [&](const char* name, std::size_t found) {
-        if (found != count) check_size(where, std::string(argument).append(".").append(name), found, count);
-    };
-    check("means", splats.means.size());
-    check("covariances", splats.covariances.size());
-    check("opacities", splats.opacities.size());
-    check("colors", splats.colors.size());
-}
+    SkinnedView<const T> gaussians;
+    Span<const Bone> bones;
+    Deferred<vec3<T>> center;
+    std::size_t sh_stride;
 
-/// The bones in the form that policy D blends.
-template <class D, Backend B, class T>
-[[nodiscard]] Span<const typename D::template Bone<T>> bones_of(B& backend, Span<const Affine<T>> bones,
-                                                                SkinnedSplatsCache<B, T>& cache) {
-    if constexpr (std::is_same_v<typename D::template Bone<T>, Affine<T>>) {
-        return bones;
-    } else {
-        cache.dual_bones.resize(bones.size());
-        backend.for_each(bones.size(), BonesAsDualQuats<T>{bones, cache.dual_bones});
-        return cache.dual_bones;
+    [[nodiscard]] GSH_HD typename SkinnedGaussian<Degree, D>::template Input<T> operator[](std::size_t i) const {
+        return with_sh(i, gaussians.sh.data() + i * sh_stride);
     }
-}
-
-/// Memory for the gradients of these bones: dL_dbones itself, or a zeroed array of the same length in the cache.
-template <class D, Backend B, class T>
-[[nodiscard]] Span<typename D::template Bone<T>> bone_gradients_of(B& backend, Span<Affine<T>> dL_dbones,
-                                                                   SkinnedSplatsCache<B, T>& cache) {
-    if constexpr (std::is_same_v<typename D::template Bone<T>, Affine<T>>) {
-        return dL_dbones;
-    } else {
-        cache.dL_ddual_bones.resize(dL_dbones.size());
-        backend.fill(view_as<T>(Span<dual_quat<T>>(cache.dL_ddual_bones)), T(0));
-        return cache.dL_ddual_bones;
+    /// The same with the coefficients at another place.
+    [[nodiscard]] GSH_HD typename SkinnedGaussian<Degree, D>::template Input<T> with_sh(std::size_t i,
+                                                                                        const vec3<T>* sh) const {
+        return {gaussians.means[i],
+                gaussians.quats[i],
+                gaussians.log_scales[i],
+                gaussians.opacity_logits[i],
+                sh,
+                gaussians.ao.empty() ? T(1) : gaussians.ao[i],
+                blend(gaussians.weights, i, bones),
+                center()};
     }
-}
+};
+
+template <int Degree, class T, class D = LinearBlend>
+struct SkinnedSplatForward {
+    SkinnedInput<Degree, T, D> input;
+    ColorClamp clamping;
+    SplatView<T> splats;
+
+    GSH_HD void operator()(std::size_t i) const {
+        splats.set(i, SkinnedGaussian<Degree, D>::forward(input[i], clamping));
+    }
+};
+
+/// The adjoint of one Gaussian: adds to its own attributes, and to bones and a centre that the caller provides.
+template <int Degree, class T, class D = LinearBlend>
+struct SkinnedSplatBackward {
+    SkinnedInput<Degree, T, D> input;
+    ColorClamp clamping;
+    SplatView<const T> dL_dsplats;
+    SkinnedView<T> dL_dgaussians;
+    std::size_t dL_dsh_stride;
+
+    GSH_HD void operator()(std::size_t i, Span<typename D::template Bone<T>> dL_dbones, vec3<T>& dL_dcenter) const {
+        if (unseen(i)) return;
+        typename SkinnedGaussian<Degree, D>::template Gradient<T> gradient;
+        vec3<T> unused[SkinnedGaussian<Degree, D>::basis_count];
+        gradient.sh = dL_dgaussians.sh.empty() ? unused : dL_dgaussians.sh.data() + i * dL_dsh_stride;
+        if (dL_dgaussians.sh.empty())
+            for (vec3<T>& value : unused) value = vec3<T>(T(0));
+        SkinnedGaussian<Degree, D>::backward(input[i], clamping, dL_dsplats[i], gradient);
+        add(i, gradient);
+        if (!dL_dbones.empty()) blend_backward(input.gaussians.weights, i, input.bones, gradient.blend, dL_dbones);
+        dL_dcenter += gradient.center;
+    }
+
+    /// Adds to the Gaussian's own attributes, but for the coefficients.
+    GSH_HD void add(std::size_t i, const typename SkinnedGaussian<Degree, D>::template Gradient<T>& gradient) const {
+        add_attributes(gradient, dL_dgaussians, i);
+        if (!dL_dgaussians.ao.empty()) dL_dgaussians.ao[i] += gradient.ao;
+    }
+
+    [[nodiscard]] GSH_HD bool unseen(std::size_t i) const { return is_zero(dL_dsplats, i); }
+};
 
 } // namespace detail
-
-/// Fallback for backends without an overload: each index is one Gaussian.
-template <Backend B, int Degree, class T, class D>
-void skinned_splats_pose(B& backend, const detail::SkinnedSplatForward<Degree, T, D>& element) {
-    static_assert(!CpuBackend<B>, "SkinnedSplats: include its backend's overloads, "
-                                  "<gsh/avatar/cpu/skinned_gaussian.hpp> or <gsh/cpu.hpp>");
-    backend.for_each(element.input.gaussians.size(), element);
-}
-
-/// Fallback without the backend's overloads, which the sums over bones require: fails to compile, and names the header
-/// to include.
-template <Backend B, class... Arguments>
-void skinned_splats_accumulate(B&, const Arguments&...) {
-    static_assert(detail::overload_is_included<B>,
-                  "SkinnedSplats: include its backend's overloads, "
-                  "<gsh/avatar/cpu/skinned_gaussian.hpp> or <gsh/cpu.hpp>");
-}
-
-/// Poses the Gaussians of an avatar. Both passes blend the bones anew for each Gaussian, which reads less memory than a
-/// stored blend. D is a DeformationPolicy, or the settings name one of gsh's.
-///
-/// Shapes  gaussians [N], bones [J], splats [N]; center [3].
-/// Frame   bones: world from canonical, rigid for Deformation::dual_quaternion; center: of the camera, in the world
-///         (Camera::center()).
-/// Errors  ShapeError where a size does not match.
-template <Backend B, int Degree, std::floating_point T = float, class D = NamedDeformation>
-    requires std::same_as<D, NamedDeformation> || DeformationPolicy<D>
-class SkinnedSplats {
-public:
-    using Params = SkinnedSplatsParams;
-    using Cache = SkinnedSplatsCache<B, T>;
-
-    explicit SkinnedSplats(B& backend, const Params& params = {}) : backend_(&backend), params_(params) {}
-
-    [[nodiscard]] const Params& params() const { return params_; }
-
-    /// Overwrites the splats. Only dual quaternions use the cache: eight numbers per bone.
-    void forward(const SkinnedView<const T>& gaussians, Span<const Affine<T>> bones, const Deferred<vec3<T>>& center,
-                 const SplatView<T>& splats, Cache& cache) const {
-        constexpr auto where = "SkinnedSplats::forward";
-        const std::size_t count = gaussians.size();
-        detail::check_skinned(where, "gaussians", gaussians, count, basis_count, false);
-        detail::check_posed(where, "splats", splats, count);
-        check_memory(*backend_, where, "gaussians", gaussians);
-        check_memory(*backend_, where, "bones", bones);
-        check_memory(*backend_, where, "splats", splats);
-        detail::with_deformation_policy<D>(params_.deformation, [&]<class Policy>(Policy) {
-            const auto own = detail::bones_of<Policy>(*backend_, bones, cache);
-            skinned_splats_pose(*backend_, detail::SkinnedSplatForward<Degree, T, Policy>{
-                                               {gaussians, own, center, stride(gaussians)}, params_.clamping, splats});
-        });
-    }
-
-    /// Adjoint of forward: adds to the non-empty attributes of dL_dgaussians and, where given, to dL_dbones [J] and to
-    /// dL_dcenter, one vector in the backend's memory. With dual quaternions, the gradient of the nine numbers of a
-    /// bone's rotation is its component along turns (dual_quat_from_rigid_backward).
-    void backward(const SkinnedView<const T>& gaussians, Span<const Affine<T>> bones, const Deferred<vec3<T>>& center,
-                  const SplatView<const T>& dL_dsplats, Cache& cache, const SkinnedView<T>& dL_dgaussians,
-                  Span<Affine<T>> dL_dbones = {}, Span<vec3<T>> dL_dcenter = {}) const {
-        constexpr auto where = "SkinnedSplats::backward";
-        const std::size_t count = gaussians.size();
-        detail::check_skinned(where, "gaussians", gaussians, count, basis_count, false);
-        detail::check_posed(where, "dL_dsplats", dL_dsplats, count);
-        detail::check_skinned(where, "dL_dgaussians", dL_dgaussians, count, basis_count, true);
-        if (!dL_dbones.empty()) check_size(where, "dL_dbones", dL_dbones.size(), bones.size(), "one per bone, or none");
-        if (!dL_dcenter.empty()) check_size(where, "dL_dcenter", dL_dcenter.size(), 1, "one vector, or none");
-        check_memory(*backend_, where, "gaussians", gaussians);
-        check_memory(*backend_, where, "bones", bones);
-        check_memory(*backend_, where, "dL_dsplats", dL_dsplats);
-        check_memory(*backend_, where, "dL_dgaussians", dL_dgaussians);
-        check_memory(*backend_, where, "dL_dbones", dL_dbones);
-        check_memory(*backend_, where, "dL_dcenter", dL_dcenter);
-        detail::with_deformation_policy<D>(params_.deformation, [&]<class Policy>(Policy) {
-            const auto own = detail::bones_of<Policy>(*backend_, bones, cache);
-            const auto dL_down = detail::bone_gradients_of<Policy>(*backend_, dL_dbones, cache);
-            skinned_splats_accumulate(
-                *backend_,
-                detail::SkinnedSplatBackward<Degree, T, Policy>{{gaussians, own, center, stride(gaussians)},
-                                                                params_.clamping,
-                                                                dL_dsplats,
-                                                                dL_dgaussians,
-                                                                stride(dL_dgaussians)},
-                dL_down, dL_dcenter, cache.scratch);
-            if constexpr (!std::is_same_v<typename Policy::template Bone<T>, Affine<T>>)
-                backend_->for_each(dL_dbones.size(),
-                                   detail::BonesAsDualQuatsBackward<T>{bones, own, dL_down, dL_dbones});
-        });
-    }
-
-private:
-    static constexpr std::size_t basis_count = SkinnedGaussian<Degree>::basis_count;
-    static std::size_t stride(const auto& view) { return view.sh_stride ? view.sh_stride : basis_count; }
-
-    B* backend_;
-    Params params_;
-};
 
 } // namespace gsh

@@ -4,8 +4,8 @@
 
 #include <gsh/body/body_model.hpp>
 #include <gsh/body/joint_map.hpp>
+#include <gsh/body/rest_pose.hpp>
 #include <gsh/body/rig_motion.hpp>
-#include <gsh/body/rig_pose.hpp>
 #include <gsh/math/vec.hpp>
 
 #include <algorithm>

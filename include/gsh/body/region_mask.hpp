@@ -6,6 +6,7 @@
 #include <gsh/body/geodesic.hpp>
 #include <gsh/body/surface_samples.hpp>
 #include <gsh/core/error.hpp>
+#include <gsh/core/setting.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/math/vec.hpp>
 
@@ -69,6 +70,13 @@ struct RegionMaskParams {
     double sigma = 0.03;      ///< metres along the surface; the width of the Gaussian falloff
     double samples_base = 15; ///< K_b, samples per vertex far from V_high
     double samples_high = 20; ///< K_m, within V_high
+
+    template <class Self, class F>
+    static void for_each_setting(Self& self, const F& f) {
+        f("region.sigma", self.sigma, SettingRange::above(0));
+        f("region.samples_base", self.samples_base, SettingRange::at_least(0));
+        f("region.samples_high", self.samples_high, SettingRange::at_least(0));
+    }
 };
 
 /// Importance τ in [0, 1] over the surface: τ(x) = exp(-d(x, V_high)² / 2σ²), where d is the distance along the surface

@@ -5,8 +5,8 @@
 #include <gsh/body/bone_end.hpp>
 #include <gsh/body/joint_map.hpp>
 #include <gsh/body/joint_names.hpp>
+#include <gsh/body/rest_pose.hpp>
 #include <gsh/body/rig_motion.hpp>
-#include <gsh/body/rig_pose.hpp>
 #include <gsh/body/trunk_frames.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/math/mean_direction.hpp>

@@ -12,8 +12,8 @@
 #include <gsh/body/motion.hpp>
 #include <gsh/body/rest_check.hpp>
 #include <gsh/body/rest_from_frames.hpp>
+#include <gsh/body/rest_pose.hpp>
 #include <gsh/body/rig_motion.hpp>
-#include <gsh/body/rig_pose.hpp>
 #include <gsh/body/short_spine.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/math/rotation.hpp>
@@ -30,11 +30,13 @@
 
 namespace gsh {
 
-struct RetargetOptions {
+struct RetargetParams {
     std::vector<double> betas = {}; ///< shape of the body; missing trailing coefficients count as 0
     std::string where = "retarget"; ///< a file, for messages
     std::vector<std::string>* warnings = nullptr;
 };
+/// The name of RetargetParams until now.
+using RetargetOptions [[deprecated("use RetargetParams")]] = RetargetParams;
 
 /// Turns the motion of a rig into one of a body whose rest frames are the axes (the SMPL family, the built-in actor).
 ///
@@ -64,7 +66,7 @@ struct RetargetOptions {
 ///         too many betas. Warned: joints without a source, several joints that could be one, left and right that seem
 ///         swapped, feet that slide although the source's stand.
 [[nodiscard]] inline Motion retarget(const RigMotion& rig, const BodyModel& body, const JointMap& map = {},
-                                     const RetargetOptions& options = {});
+                                     const RetargetParams& options = {});
 
 // -------------------------------------------------------------------------------------------------------------
 
@@ -114,8 +116,7 @@ inline vec3<double> rest_bone(const RigMotion& rig, int joint, int end) {
 }
 
 /// The rest pose that a rig's motion is measured from: its own, or one found in the frames, where its own is none.
-inline RigMotion rest_of(const RigMotion& rig, const MatchedJoints& matched, const RetargetOptions& options,
-                         bool& own) {
+inline RigMotion rest_of(const RigMotion& rig, const MatchedJoints& matched, const RetargetParams& options, bool& own) {
     const auto fault = rest_pose_fault(rig, matched);
     own = !fault;
     if (fault) {
@@ -140,7 +141,7 @@ inline mat3<double> foot_turn(const vec3<double>& own, const vec3<double>& other
 }
 
 inline RetargetPlan plan_retarget(const RigMotion& rig, const BodyModel& body, const JointMap& map,
-                                  const RetargetOptions& options) {
+                                  const RetargetParams& options) {
     const std::string& where = options.where;
     RetargetPlan plan;
     const std::vector<vec3<double>> vertices = shaped_vertices(body, options.betas);
@@ -210,7 +211,7 @@ inline RetargetPlan plan_retarget(const RigMotion& rig, const BodyModel& body, c
 }
 
 /// Warns of joints of the body that nothing moves, and of joints of the rig that move nothing.
-inline void warn_of_unmatched(const RigMotion& rig, const RetargetPlan& plan, const RetargetOptions& options) {
+inline void warn_of_unmatched(const RigMotion& rig, const RetargetPlan& plan, const RetargetParams& options) {
     std::vector<std::string> still, fingers, unused;
     bool no_fingers = true;
     for (std::size_t j = 0; j < plan.parts.size(); ++j) {
@@ -243,7 +244,7 @@ inline void warn_of_unmatched(const RigMotion& rig, const RetargetPlan& plan, co
 } // namespace detail
 
 inline Motion retarget(const RigMotion& rig, const BodyModel& body, const JointMap& map,
-                       const RetargetOptions& options) {
+                       const RetargetParams& options) {
     validate(rig, options.where);
     const detail::RetargetPlan plan = detail::plan_retarget(rig, body, map, options);
     const std::size_t J = body.joint_count(), T = rig.frame_count();

@@ -6,8 +6,10 @@
 #include <gsh/body/mesh.hpp>
 #include <gsh/body/nearest_points.hpp>
 #include <gsh/body/skinning.hpp>
+#include <gsh/core/enum_names.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/core/rng.hpp>
+#include <gsh/core/setting.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/math/vec.hpp>
 
@@ -17,6 +19,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <numeric>
+#include <string_view>
 #include <vector>
 
 namespace gsh {
@@ -25,13 +28,25 @@ namespace gsh {
 /// With copied weights the samples of each vertex move as one rigid piece, and neighbouring pieces separate or overlap
 /// where the body bends. Interpolated weights follow the posed mesh.
 enum class SampleWeights { barycentric, copied };
+template <>
+struct EnumNames<SampleWeights> {
+    static constexpr std::array<std::string_view, 2> names{"barycentric", "copied"};
+};
 
-struct SurfaceSampleOptions {
+struct SurfaceSampleParams {
     std::size_t total = 0; ///< scales K so that there are exactly this many samples; 0: no scaling
     SampleWeights weights = SampleWeights::barycentric;
     std::size_t max_influences = 8; ///< joints per sample (those with the largest weights are kept); 0: no limit
     double jitter = 0;              ///< largest displacement along an axis, as a fraction of the local vertex distance
+
+    template <class Self, class F>
+    static void for_each_setting(Self& self, const F& f) {
+        f("sample_weights", self.weights, SettingRange());
+        f("sample_jitter", self.jitter, SettingRange::at_least(0));
+    }
 };
+/// The name of SurfaceSampleParams until now.
+using SurfaceSampleOptions [[deprecated("use SurfaceSampleParams")]] = SurfaceSampleParams;
 
 /// N points on a mesh, sorted along a Morton curve so that neighbours in memory are neighbours in space.
 struct SurfaceSamples {
@@ -57,12 +72,12 @@ struct SurfaceSamples {
 /// Errors  ShapeError; ValueError for no triangles, a negative or infinite K, or all K zero if `total` > 0.
 [[nodiscard]] inline SurfaceSamples sample_surface(const BodyModel& model, Span<const vec3<double>> vertices,
                                                    Span<const double> samples_per_vertex, std::uint64_t seed,
-                                                   const SurfaceSampleOptions& options = {});
+                                                   const SurfaceSampleParams& options = {});
 
 /// The same with one K for all vertices.
 [[nodiscard]] inline SurfaceSamples sample_surface(const BodyModel& model, Span<const vec3<double>> vertices,
                                                    double samples_per_vertex, std::uint64_t seed,
-                                                   const SurfaceSampleOptions& options = {}) {
+                                                   const SurfaceSampleParams& options = {}) {
     const std::vector<double> K(model.vertex_count(), samples_per_vertex);
     return sample_surface(model, vertices, K, seed, options);
 }
@@ -166,7 +181,7 @@ struct OneRings {
 
 inline SurfaceSamples sample_surface(const BodyModel& model, Span<const vec3<double>> vertices,
                                      Span<const double> samples_per_vertex, std::uint64_t seed,
-                                     const SurfaceSampleOptions& options) {
+                                     const SurfaceSampleParams& options) {
     constexpr auto where = "sample_surface";
     const std::size_t V = model.vertex_count(), J = model.joint_count();
     check_size(where, "vertices", vertices.size(), V, "pass the shaped mesh");

@@ -3,8 +3,8 @@
 #pragma once
 
 #include <gsh/body/joint_map.hpp>
+#include <gsh/body/rest_pose.hpp>
 #include <gsh/body/rig_motion.hpp>
-#include <gsh/body/rig_pose.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/math/mean_direction.hpp>
 #include <gsh/math/vec.hpp>

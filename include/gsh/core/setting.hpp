@@ -1,7 +1,23 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  One setting of a configuration as text: printing, reading, and the range of its numbers.
+/// @file  Settings: the members of a struct that have names, for files, command lines and reports, and their ranges.
+///
+/// A struct of settings lists them beside its members:
+///
+///     struct BlurParams {
+///         double width = 2; ///< pixels
+///         Edge edge = Edge::repeat;
+///
+///         template <class Self, class F>
+///         static void for_each_setting(Self& self, const F& f) {
+///             f("blur.width", self.width, SettingRange::above(0));
+///             f("blur.edge", self.edge, SettingRange());
+///         }
+///     };
+///
+/// A struct of such structs calls theirs. Names stand in full, so that they can be searched for.
 #pragma once
 
+#include <gsh/core/enum_names.hpp>
 #include <gsh/core/error.hpp>
 
 #include <bit>
@@ -14,14 +30,12 @@
 #include <string_view>
 #include <system_error>
 #include <type_traits>
+#include <utility>
+#include <vector>
 
 namespace gsh {
 
 namespace detail {
-
-/// Specialisations have `names`: those of an enumeration's values, in order.
-template <class E>
-struct EnumNames;
 
 template <class V>
 [[nodiscard]] std::string setting_text(const V& value) {
@@ -29,6 +43,8 @@ template <class V>
         return value ? "true" : "false";
     } else if constexpr (std::is_enum_v<V>) {
         return std::string(EnumNames<V>::names[static_cast<std::size_t>(value)]);
+    } else if constexpr (std::is_same_v<V, std::string>) {
+        return value;
     } else {
         char text[32];
         const auto end = std::to_chars(text, text + sizeof text, value); // the shortest that reads back as the same
@@ -47,6 +63,7 @@ struct SettingRange {
 
     [[nodiscard]] static constexpr SettingRange at_least(double end) { return {.least = end}; }
     [[nodiscard]] static constexpr SettingRange above(double end) { return {.least = end, .with_least = false}; }
+    [[nodiscard]] static constexpr SettingRange share() { return {.least = 0, .most = 1}; }
     [[nodiscard]] static constexpr SettingRange power_of_two() { return {.least = 1, .powers_of_two = true}; }
     [[nodiscard]] constexpr SettingRange up_to(double end) const { return {least, end, with_least, true}; }
     [[nodiscard]] constexpr SettingRange below(double end) const { return {least, end, with_least, false}; }
@@ -96,6 +113,8 @@ void set_from_text(std::string_view where, const std::string& text, V& value, co
             all += (i ? ", " : "") + std::string(EnumNames<V>::names[i]);
         }
         refuse("one of " + all);
+    } else if constexpr (std::is_same_v<V, std::string>) {
+        value = text;
     } else {
         const std::string expected = range.words(std::integral<V> ? "a whole number" : "a number");
         V number{};
@@ -111,5 +130,50 @@ void set_from_text(std::string_view where, const std::string& text, V& value, co
 }
 
 } // namespace detail
+
+/// Calls f(name, value, range) for every setting of a struct. The value is const where the struct is. The range is that
+/// of the setting alone: settings that depend on each other are checked where they are used.
+template <class P, class F>
+void for_each_setting(P& params, const F& f) {
+    std::remove_const_t<P>::for_each_setting(params, f);
+}
+
+/// Sets one setting from text. `where` names the caller in messages.
+/// Errors  ValueError for a setting that does not exist, text that cannot be read, or a number out of range; then
+///         nothing changes.
+template <class P>
+void set_setting(P& params, std::string_view key, const std::string& text, const std::string& where) {
+    bool found = false;
+    for_each_setting(params, [&](std::string_view name, auto& value, const SettingRange& range) {
+        if (name != key) return;
+        found = true;
+        detail::set_from_text(where + ": " + std::string(key), text, value, range);
+    });
+    if (!found)
+        throw ValueError(where + ": there is no setting '" + std::string(key) + "'; docs/configurations.md lists them");
+}
+
+/// Name and text of each setting, in order, for reports.
+template <class P>
+[[nodiscard]] std::vector<std::pair<std::string, std::string>> settings_of(const P& params) {
+    std::vector<std::pair<std::string, std::string>> result;
+    for_each_setting(params, [&](std::string_view name, const auto& value, const SettingRange&) {
+        result.emplace_back(std::string(name), detail::setting_text(value));
+    });
+    return result;
+}
+
+/// Checks that the numbers of a struct lie within their ranges. `where` names the part that uses them.
+/// Errors  ValueError that names the setting, what was found and what was expected.
+template <class P>
+void check_ranges(std::string_view where, const P& params) {
+    for_each_setting(params, [&](std::string_view name, const auto& value, const SettingRange& range) {
+        using V = std::remove_cvref_t<decltype(value)>;
+        if constexpr (std::is_arithmetic_v<V> && !std::is_same_v<V, bool>)
+            if (!range.holds(value) || !std::isfinite(static_cast<double>(value)))
+                throw ValueError(std::string(where) + ": " + std::string(name) + " is " + detail::setting_text(value) +
+                                 ", expected " + range.words(std::integral<V> ? "a whole number" : "a finite number"));
+    });
+}
 
 } // namespace gsh

@@ -49,6 +49,13 @@ void hash_backward(B&, const Arguments&...) {
                   "HashGrid: include its backend's overloads, <gsh/field/cpu/hash_grid.hpp> or <gsh/cpu.hpp>");
 }
 
+/// The geometry of a hash grid.
+struct HashGridParams {
+    double base = 4;                     ///< cells per unit length on level 0, plus one
+    double growth = 1.6;                 ///< ratio of cells from one level to the next
+    std::uint32_t table_size = 1u << 17; ///< largest number of entries of a level; a power of two
+};
+
 /// features[l * Features + f] = sum over a cell's corners of weight(corner) * table[entry(l, corner), f], trilinear, on
 /// Levels grids of growing resolution; with the adjoint to the table and to the point.
 ///
@@ -65,11 +72,7 @@ class HashGrid {
 public:
     static constexpr int level_count = Levels, feature_count = Features, output_count = Levels * Features;
 
-    struct Params {
-        double base = 4;                     ///< cells per unit length on level 0, plus one
-        double growth = 1.5;                 ///< from one level to the next
-        std::uint32_t table_size = 1u << 17; ///< largest number of entries of a level; a power of two
-    };
+    using Params = HashGridParams;
 
     /// Fixed points, prepared once for every pass over every table of this geometry.
     template <Backend B, std::floating_point T = float>

@@ -3,14 +3,22 @@
 #pragma once
 
 #include <gsh/core/config.hpp>
+#include <gsh/core/enum_names.hpp>
 #include <gsh/core/lane.hpp>
 #include <gsh/math/sh.hpp>
 #include <gsh/math/vec.hpp>
+
+#include <array>
+#include <string_view>
 
 namespace gsh {
 
 /// The range to which colours are clamped: [0, 1], or [0, ∞) as in a plain 3DGS scene.
 enum class ColorClamp { both, below };
+template <>
+struct EnumNames<ColorClamp> {
+    static constexpr std::array<std::string_view, 2> names{"both", "below"};
+};
 
 /// The constant SH coefficient that gives this colour from every direction if the other coefficients are zero:
 /// (color - 0.5) / Y_0.

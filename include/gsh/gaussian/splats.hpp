@@ -5,6 +5,7 @@
 #include <gsh/backend/backend.hpp>
 #include <gsh/backend/memory.hpp>
 #include <gsh/core/config.hpp>
+#include <gsh/core/setting.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/math/sym.hpp>
 #include <gsh/math/vec.hpp>
@@ -18,6 +19,12 @@ namespace gsh {
 struct PixelFilter {
     double dilation = 0.3;           ///< square pixels, added to both variances of a projected splat
     bool compensate_opacity = false; ///< reduce the opacity so that dilation preserves a splat's total weight
+
+    template <class Self, class F>
+    static void for_each_setting(Self& self, const F& f) {
+        f("filter.dilation", self.dilation, SettingRange::at_least(0));
+        f("filter.compensate_opacity", self.compensate_opacity, SettingRange());
+    }
 };
 
 /// One splat, in units and frame of a SplatView; also its gradient.

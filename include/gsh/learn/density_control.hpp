@@ -6,6 +6,7 @@
 #include <gsh/core/config.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/core/rng.hpp>
+#include <gsh/core/setting.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/gaussian/gaussians.hpp>
 #include <gsh/learn/density_descent.hpp>
@@ -49,6 +50,22 @@ struct DensityParams {
     }
     [[nodiscard]] bool prunes_large_after(std::int64_t step) const {
         return reset_interval > 0 && step > reset_interval;
+    }
+
+    template <class Self, class F>
+    static void for_each_setting(Self& self, const F& f) {
+        f("density.gradient_threshold", self.gradient_threshold, SettingRange::above(0));
+        f("density.start", self.start, SettingRange::at_least(0));
+        f("density.stop", self.stop, SettingRange::at_least(0));
+        f("density.interval", self.interval, SettingRange::at_least(1));
+        f("density.reset_interval", self.reset_interval, SettingRange::at_least(0));
+        f("density.small", self.small, SettingRange::above(0));
+        f("density.large", self.large, SettingRange::above(0));
+        f("density.large_on_screen", self.large_on_screen, SettingRange::at_least(0));
+        f("density.min_opacity", self.min_opacity, SettingRange::above(0).below(1));
+        f("density.reset_opacity", self.reset_opacity, SettingRange::above(0).below(1));
+        f("density.split_factor", self.split_factor, SettingRange::at_least(1));
+        f("density.split_count", self.split_count, SettingRange::at_least(1));
     }
 };
 

@@ -6,6 +6,8 @@
 #include <gsh/core/rng.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/field/hash_field.hpp>
+#include <gsh/field/hash_grid.hpp>
+#include <gsh/field/mlp.hpp>
 #include <gsh/learn/learned_array.hpp>
 #include <gsh/learn/part_size.hpp>
 
@@ -19,11 +21,9 @@ namespace gsh {
 
 /// Sizes of a field's hash grid and network.
 struct FieldParams {
-    double base = 4;                     ///< cells on the coarsest level, along the unit cube's edge
-    double growth = 1.6;                 ///< ratio of cells from one level to the next
-    std::uint32_t table_size = 1u << 17; ///< largest number of entries of a level
-    int width = 64;                      ///< neurons of a hidden layer
-    int hidden_layers = 2;
+    HashGridParams grid = {};
+    int width = Mlp::Params().width; ///< neurons of a hidden layer
+    int hidden_layers = Mlp::Params().hidden_layers;
 };
 
 /// Streams of random numbers of an avatar's fields, which have the same seed. A field of stream s draws the entries of
@@ -33,7 +33,7 @@ namespace field_stream {
 inline constexpr std::uint64_t displacements = 1; ///< FieldDisplacements
 inline constexpr std::uint64_t colors = 3;        ///< FieldColors
 inline constexpr std::uint64_t shared = 5;        ///< SharedField: colours and displacements
-inline constexpr std::uint64_t shadow = 7;        ///< TimeShadow, PoseShadow
+inline constexpr std::uint64_t occlusion = 7;     ///< TimeOcclusion, PoseOcclusion
 } // namespace field_stream
 
 /// Where a field's random initial values come from.
@@ -123,7 +123,7 @@ public:
 private:
     [[nodiscard]] static Field geometry(const Params& params) {
         const FieldParams& sizes = params.sizes;
-        return {{.base = sizes.base, .growth = sizes.growth, .table_size = sizes.table_size},
+        return {sizes.grid,
                 {.outputs = params.outputs, .width = sizes.width, .hidden_layers = sizes.hidden_layers},
                 params.point_inputs,
                 params.shared_inputs};

@@ -4,6 +4,7 @@
 
 #include <gsh/backend/backend.hpp>
 #include <gsh/core/error.hpp>
+#include <gsh/core/setting.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/learn/learned_array.hpp>
 #include <gsh/light/light.hpp>
@@ -21,6 +22,13 @@ struct LightRates {
     double points = 1e-2; ///< metres
     double log_intensities = 1e-2;
     double gloss = 5e-3; ///< of logarithms of strength and sharpness
+
+    template <class Self, class F>
+    static void for_each_setting(Self& self, const F& f) {
+        f("rate.light_points", self.points, SettingRange::at_least(0));
+        f("rate.light_intensities", self.log_intensities, SettingRange::at_least(0));
+        f("rate.light_gloss", self.gloss, SettingRange::at_least(0));
+    }
 };
 
 /// A light in the memory of a backend, with gradients. Directions do not learn. The intensity of the first light is the

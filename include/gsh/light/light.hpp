@@ -6,6 +6,7 @@
 #include <gsh/backend/memory.hpp>
 #include <gsh/core/config.hpp>
 #include <gsh/core/error.hpp>
+#include <gsh/core/setting.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/math/vec.hpp>
 
@@ -53,6 +54,22 @@ struct LightData {
 
     [[nodiscard]] std::size_t size() const { return points.size() + directions.size(); }
     [[nodiscard]] LightView<const double> view() const { return {points, directions, log_intensities, gloss}; }
+};
+
+/// The lights of a capture whose light is estimated.
+struct LightParams {
+    int points = 4;      ///< near lights; each casts sharp shadows and has a gloss
+    int directions = 12; ///< distant lights around the body, with soft shadows
+    bool shadows = true; ///< if false, only where the surface faces counts
+    double distance = 4; ///< metres, of the points from the people before they learn
+
+    template <class Self, class F>
+    static void for_each_setting(Self& self, const F& f) {
+        f("light.points", self.points, SettingRange::at_least(1).up_to(64));
+        f("light.directions", self.directions, SettingRange::at_least(0).up_to(256));
+        f("light.shadows", self.shadows, SettingRange());
+        f("light.distance", self.distance, SettingRange::above(0));
+    }
 };
 
 /// `count` unit vectors, evenly spread over the sphere (a Fibonacci lattice).

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  The trainable avatar: appearance, shadow, rig and skinning turn learned arrays into splats of a pose.
+/// @file  The trainable avatar: appearance, occlusion, rig and skinning turn learned arrays into splats of a pose.
 #pragma once
 
 #include <gsh/avatar/avatar_pass.hpp>
 #include <gsh/avatar/deformation.hpp>
 #include <gsh/avatar/rig.hpp>
-#include <gsh/avatar/skinned_gaussian.hpp>
+#include <gsh/avatar/skinned_splats.hpp>
 #include <gsh/backend/backend.hpp>
 #include <gsh/body/surface_samples.hpp>
 #include <gsh/core/config.hpp>
@@ -25,7 +25,7 @@
 #include <gsh/model/avatar_start.hpp>
 #include <gsh/model/canonical_points.hpp>
 #include <gsh/model/filled_points.hpp>
-#include <gsh/model/shadow.hpp>
+#include <gsh/model/occlusion.hpp>
 
 #include <concepts>
 #include <cstddef>
@@ -60,7 +60,7 @@ struct ModelLight {
 ///
 ///     SH, δx   = appearance(x₀)
 ///     x̂₀       = x₀ + δx + the body's own offsets at this pose and expression (Rig)
-///     ao       = shadow(x₀, frame or pose)
+///     ao       = occlusion(x₀, frame or pose)
 ///     splats   = SkinnedGaussian(x̂₀, R, s, o, SH, ao; Σ w B(pose)), shaded by SurfaceLight if there is a light
 ///
 /// A frame takes three calls. `update_canonical` runs the appearance, `move` the rig, `write_splats` the rest
@@ -71,9 +71,9 @@ struct ModelLight {
 /// Shapes  N points, J joints of the rig.
 /// Source  paper §3.3 to §3.5; with SeparateFields and neither regions nor prior features its direct baseline,
 ///         Liu et al., "Animatable 3D Gaussian", 2024.
-template <Backend B, class Appearance, class Shadow = NoShadow<B>, std::floating_point T = float,
+template <Backend B, class Appearance, class Occlusion = NoOcclusion<B>, std::floating_point T = float,
           class D = NamedDeformation>
-    requires AppearancePolicy<Appearance, T> && ShadowPolicy<Shadow, B, T>
+    requires AppearancePolicy<Appearance, T> && OcclusionPolicy<Occlusion, B, T>
 class AvatarModel {
 public:
     using Scalar = T;
@@ -83,18 +83,18 @@ public:
 
     static constexpr int sh_degree = Appearance::sh_degree;
 
-    /// What a frame stores for backward. ao and dL_dao are [N], or empty without a shadow.
+    /// What a frame stores for backward. ao and dL_dao are [N], or empty without ambient occlusion.
     using Cache = typename AvatarPass<B, T, D>::Cache;
 
-    /// There is a Gaussian at each point of the rig. `samples` gives normals and initial scales. Appearance and shadow
-    /// must be made of the same `points`.
+    /// There is a Gaussian at each point of the rig. `samples` gives normals and initial scales. Appearance and
+    /// occlusion must be made of the same `points`.
     /// Errors  ValueError for a light on a body without triangles.
     AvatarModel(B& backend, const RigData& rig, const SurfaceSamples& samples, SharedPoints<B, T> points,
-                Appearance appearance, Shadow shadow = {}, const Params& params = {}, ModelLight<B, T> light = {})
+                Appearance appearance, Occlusion occlusion = {}, const Params& params = {}, ModelLight<B, T> light = {})
         : AvatarModel(backend, rig, detail::GaussianStart<T>(rig, samples, params), std::move(points),
-                      std::move(appearance), std::move(shadow), params, std::move(light)) {}
+                      std::move(appearance), std::move(occlusion), params, std::move(light)) {}
 
-    /// The size of the model's own arrays, without appearance and shadow.
+    /// The size of the model's own arrays, without appearance and occlusion.
     [[nodiscard]] static PartSize own_size(std::size_t joint_count) {
         return {.learned = {{.name = "joints", .fixed = 3 * joint_count},
                             {.name = "quats", .per_point = 4},
@@ -107,21 +107,21 @@ public:
     [[nodiscard]] const Rig<B, T>& rig() const { return pass_.rig(); }
     [[nodiscard]] Appearance& appearance() { return appearance_; }
     [[nodiscard]] const Appearance& appearance() const { return appearance_; }
-    [[nodiscard]] Shadow& shadow() { return shadow_; }
-    [[nodiscard]] const Shadow& shadow() const { return shadow_; }
+    [[nodiscard]] Occlusion& occlusion() { return occlusion_; }
+    [[nodiscard]] const Occlusion& occlusion() const { return occlusion_; }
     [[nodiscard]] const Cache& cache() const { return cache_; }
 
     /// The light, or null.
     [[nodiscard]] const SharedLight<B, T>& light() const { return light_.light; }
 
-    /// progress in [0, 1] is the share of the run that is over. The shadow joins at Params::shadow_start, and colours
-    /// depend on the direction from Params::sh_start on.
+    /// progress in [0, 1] is the share of the run that is over. Ambient occlusion joins at Params::occlusion_start, and
+    /// colours depend on the direction from Params::sh_start on.
     void set_progress(double progress) {
-        shadow_joined_ = progress >= params_.shadow_start;
+        occlusion_joined_ = progress >= params_.occlusion_start;
         view_dependent_ = progress >= params_.sh_start;
     }
-    /// Whether there is a shadow and it has joined.
-    [[nodiscard]] bool casts_shadow() const { return shadow_.casts() && shadow_joined_; }
+    /// Whether there is ambient occlusion and it has joined.
+    [[nodiscard]] bool occludes() const { return occlusion_.occludes() && occlusion_joined_; }
     /// Whether colours depend on the direction. If not, only the constant coefficients are used and learned.
     [[nodiscard]] bool is_view_dependent() const { return view_dependent_; }
 
@@ -149,8 +149,8 @@ public:
                       const SplatView<T>& splats, Span<const ShadowCaster<T>> others = {}) {
         const auto displace = [&](Span<vec3<T>> means) { write_means(means); };
         const auto occlude = [&] {
-            cache_.ao.resize(casts_shadow() ? size() : 0);
-            if (casts_shadow()) shadow_.forward(shadow_input(pose, frame), cache_.ao);
+            cache_.ao.resize(occludes() ? size() : 0);
+            if (occludes()) occlusion_.forward(occlusion_input(pose, frame), cache_.ao);
             return Span<const T>(cache_.ao);
         };
         with_present_degree([&](auto degree) {
@@ -175,7 +175,7 @@ public:
         const ColorGradient<T> dL_dcolors = appearance_.color_gradient();
         const auto displaced = [&](Span<vec3<T>> dL_dmeans) { appearance_.backward(frame, dL_dmeans); };
         const auto occluded = [&] {
-            if (!dL_dao.empty()) shadow_.backward(shadow_input(pose, frame), cache_.ao, dL_dao, dL_dpose.pose);
+            if (!dL_dao.empty()) occlusion_.backward(occlusion_input(pose, frame), cache_.ao, dL_dao, dL_dpose.pose);
         };
         const AvatarGradient<T> dL_dall{.gaussians = {.quats = quats_.gradient(),
                                                       .log_scales = log_scales_.gradient(),
@@ -198,10 +198,11 @@ public:
     void backward_to_pose(const RigPose<B, T>& pose, std::size_t frame, const Deferred<vec3<T>>& center,
                           const SplatView<const T>& dL_dsplats, const RigPoseGradient<T>& dL_dpose,
                           Span<vec3<T>> dL_dcenter = {}) {
-        const bool shadow_moves = shadow_.follows_pose() && !cache_.ao.empty() && !dL_dpose.pose.empty();
-        const Span<T> dL_dao = zeros(cache_.dL_dao, shadow_moves ? size() : 0);
+        const bool occlusion_moves = occlusion_.follows_pose() && !cache_.ao.empty() && !dL_dpose.pose.empty();
+        const Span<T> dL_dao = zeros(cache_.dL_dao, occlusion_moves ? size() : 0);
         const auto occluded = [&] {
-            if (shadow_moves) shadow_.backward_to_pose(shadow_input(pose, frame), cache_.ao, dL_dao, dL_dpose.pose);
+            if (occlusion_moves)
+                occlusion_.backward_to_pose(occlusion_input(pose, frame), cache_.ao, dL_dao, dL_dpose.pose);
         };
         with_present_degree([&](auto degree) {
             pass_.template backward<degree()>(
@@ -210,27 +211,27 @@ public:
         });
     }
 
-    /// The joints, the Gaussians' own attributes, then the arrays of appearance, shadow and light.
+    /// The joints, the Gaussians' own attributes, then the arrays of appearance, occlusion and light.
     [[nodiscard]] LearnedArrays<T> learned() {
         LearnedArrays<T> arrays{joints_.announce("joints", params_.joint_rate),
                                 quats_.announce("quats", params_.quat_rate),
                                 log_scales_.announce("log_scales", params_.log_scale_rate),
                                 opacity_logits_.announce("opacity_logits", params_.opacity_logit_rate)};
         append(arrays, appearance_.learned());
-        append(arrays, shadow_.learned());
+        append(arrays, occlusion_.learned());
         if (normal_offsets_.size())
             arrays.push_back(normal_offsets_.announce("normal_offsets", params_.normal_offset_rate));
         if (light() && light_.announces) append(arrays, light()->learned());
         return arrays;
     }
 
-    /// Ambient occlusion [N] of a pose at a frame, whether the shadow has joined or not. Overwrites the cache.
-    /// Errors  ValueError without a shadow.
+    /// Ambient occlusion [N] of a pose at a frame, whether it has joined or not. Overwrites the cache.
+    /// Errors  ValueError without ambient occlusion.
     [[nodiscard]] Span<const T> ao(const RigPose<B, T>& pose, std::size_t frame) {
-        check_value(shadow_.casts(), "AvatarModel::ao", "the model has no shadow");
+        check_value(occlusion_.occludes(), "AvatarModel::ao", "the model has no ambient occlusion");
         move(pose);
         cache_.ao.resize(size());
-        shadow_.forward(shadow_input(pose, frame), cache_.ao);
+        occlusion_.forward(occlusion_input(pose, frame), cache_.ao);
         return cache_.ao;
     }
 
@@ -262,16 +263,15 @@ public:
 
 private:
     AvatarModel(B& backend, const RigData& rig, const detail::GaussianStart<T>& start, SharedPoints<B, T> points,
-                Appearance appearance, Shadow shadow, const Params& params, ModelLight<B, T> light)
+                Appearance appearance, Occlusion occlusion, const Params& params, ModelLight<B, T> light)
         : backend_(&backend), params_(params),
-          pass_(backend, rig, {params.clamping, params.deformation}, light_params(light)),
-          points_(std::move(points)), appearance_(std::move(appearance)), shadow_(std::move(shadow)),
-          joints_(backend, start.joints), log_scales_(backend, start.log_scales), quats_(backend, start.quats),
+          pass_(backend, rig, {params.clamping, params.deformation}, light_params(light)), points_(std::move(points)),
+          appearance_(std::move(appearance)), occlusion_(std::move(occlusion)), joints_(backend, start.joints),
+          log_scales_(backend, start.log_scales), quats_(backend, start.quats),
           opacity_logits_(backend, start.opacity_logits), light_(std::move(light)),
-          normal_offsets_(backend, std::vector<vec3<T>>(light_.light && params.normal_offset_rate > 0
-                                                            ? rig.body.vertex_count()
-                                                            : 0,
-                                                        vec3<T>(T(0)))) {
+          normal_offsets_(
+              backend, std::vector<vec3<T>>(light_.light && params.normal_offset_rate > 0 ? rig.body.vertex_count() : 0,
+                                            vec3<T>(T(0)))) {
         check_size("AvatarModel", "points", points_->size(), rig.point_count(), "one per point of the rig");
     }
 
@@ -280,7 +280,7 @@ private:
         return SurfaceLightParams{.shadows = light.light->shadows()};
     }
     [[nodiscard]] AppearanceView<T> appearance_view() const { return filled_ ? filled_->view() : appearance_.view(); }
-    [[nodiscard]] ShadowInput<B, T> shadow_input(const RigPose<B, T>& pose, std::size_t frame) const {
+    [[nodiscard]] OcclusionInput<B, T> occlusion_input(const RigPose<B, T>& pose, std::size_t frame) const {
         return {frame, rig().skeleton(), pose.pose, cache_.rig.rotations};
     }
     /// Calls f(std::integral_constant<int, D>()) with the degree that colours have now.
@@ -304,11 +304,11 @@ private:
     AvatarPass<B, T, D> pass_;
     SharedPoints<B, T> points_; // x₀
     Appearance appearance_;
-    Shadow shadow_;
+    Occlusion occlusion_;
     LearnedBuffer<B, vec3<T>> joints_, log_scales_; // [J], [N]
     LearnedBuffer<B, quat<T>> quats_;               // [N]
     LearnedBuffer<B, T> opacity_logits_;            // [N]
-    bool shadow_joined_ = params_.shadow_start <= 0, view_dependent_ = params_.sh_start <= 0;
+    bool occlusion_joined_ = params_.occlusion_start <= 0, view_dependent_ = params_.sh_start <= 0;
     ModelLight<B, T> light_;
     LearnedBuffer<B, vec3<T>> normal_offsets_; // [V], or empty
     std::optional<FilledPoints<B, T>> filled_;

@@ -6,6 +6,7 @@
 #include <gsh/avatar/rig.hpp>
 #include <gsh/body/surface_samples.hpp>
 #include <gsh/core/error.hpp>
+#include <gsh/core/setting.hpp>
 #include <gsh/gaussian/shade.hpp>
 #include <gsh/math/activation.hpp>
 #include <gsh/math/quat.hpp>
@@ -25,7 +26,7 @@ struct AvatarModelParams {
     double initial_thickness = 0.1;
     ColorClamp clamping = ColorClamp::both;
     Deformation deformation = Deformation::linear;
-    double shadow_start = 0.1;        ///< share of the run after which the shadow is used and learned; ao is 1 before
+    double occlusion_start = 0.1; ///< share of the run after which ao is used and learned; it is 1 before
     /// Share of the run after which colours depend on the direction. If they do from the start, one camera's colours
     /// explain what its exposure does while the person turns.
     double sh_start = 0;
@@ -35,6 +36,21 @@ struct AvatarModelParams {
     double opacity_logit_rate = 0.05;
     /// Of normal offsets, in units of a normal's length. If it is 0, a light reads the normals of the mesh.
     double normal_offset_rate = 0;
+
+    template <class Self, class F>
+    static void for_each_setting(Self& self, const F& f) {
+        f("deformation", self.deformation, SettingRange());
+        f("initial_opacity", self.initial_opacity, SettingRange::above(0).below(1));
+        f("initial_thickness", self.initial_thickness, SettingRange::above(0).up_to(1));
+        f("color_clamp", self.clamping, SettingRange());
+        f("ao.start", self.occlusion_start, SettingRange::share());
+        f("sh_start", self.sh_start, SettingRange::share());
+        f("rate.joints", self.joint_rate, SettingRange::at_least(0));
+        f("rate.quats", self.quat_rate, SettingRange::at_least(0));
+        f("rate.log_scales", self.log_scale_rate, SettingRange::at_least(0));
+        f("rate.opacity_logits", self.opacity_logit_rate, SettingRange::at_least(0));
+        f("rate.light_normals", self.normal_offset_rate, SettingRange::at_least(0));
+    }
 };
 
 namespace detail {
@@ -52,12 +68,7 @@ struct GaussianStart {
         check_size(where, "samples", samples.size(), rig.point_count(), "the rig must be made of these samples");
         check_size(where, "samples.normals", samples.normals.size(), samples.size(), "one per sample");
         check_value(samples.size() > 0, where, "there are no samples, expected at least one");
-        check_value(params.initial_opacity > 0 && params.initial_opacity < 1, where,
-                    "initial_opacity must lie between 0 and 1");
-        check_value(params.initial_thickness > 0 && params.initial_thickness <= 1, where,
-                    "initial_thickness must lie above 0 and be at most 1");
-        check_value(params.shadow_start >= 0, where, "shadow_start must not be negative");
-        check_value(params.sh_start >= 0, where, "sh_start must not be negative");
+        check_ranges(where, params);
         for (const auto& joint : rig.joints) joints.push_back(vec3<T>(joint));
         for (std::size_t i = 0; i < samples.size(); ++i) {
             const double scale = samples.scales[i];

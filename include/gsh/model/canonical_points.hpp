@@ -3,15 +3,19 @@
 #pragma once
 
 #include <gsh/backend/backend.hpp>
+#include <gsh/core/enum_names.hpp>
 #include <gsh/core/error.hpp>
+#include <gsh/core/setting.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/math/vec.hpp>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <concepts>
 #include <cstddef>
 #include <memory>
+#include <string_view>
 #include <vector>
 
 namespace gsh {
@@ -36,6 +40,10 @@ enum class FieldBounds {
     cube, ///< the points' bounding cube: cells of a hash level are cubes
     box   ///< the points' bounding box, stretched along each axis, as in Animatable 3D Gaussian
 };
+template <>
+struct EnumNames<FieldBounds> {
+    static constexpr std::array<std::string_view, 2> names{"cube", "box"};
+};
 
 /// How positions are mapped to the unit cube, and the scale of prior features.
 struct CanonicalPointsParams {
@@ -44,6 +52,13 @@ struct CanonicalPointsParams {
     /// Factor on CanonicalPriors::features. Adam moves all weights equally fast, so the factor sets how fast a network
     /// learns to use the features. At 1 they dominate what the encoding learns point by point.
     double prior_scale = 0.1;
+
+    template <class Self, class F>
+    static void for_each_setting(Self& self, const F& f) {
+        f("bounds", self.bounds, SettingRange());
+        f("bounds_margin", self.bounds_margin, SettingRange::at_least(1));
+        f("prior.scale", self.prior_scale, SettingRange::above(0));
+    }
 };
 
 /// Canonical points in a backend's memory. They never change. All fields of an avatar share them.
@@ -60,9 +75,7 @@ public:
                     const CanonicalPointsParams& params = {}) {
         constexpr const char* where = "CanonicalPoints";
         check_value(!positions.empty(), where, "there are no points, expected at least one");
-        check_value(params.prior_scale > 0 && std::isfinite(params.prior_scale), where, "prior_scale must be above 0");
-        check_value(params.bounds_margin >= 1 && std::isfinite(params.bounds_margin), where,
-                    "bounds_margin must be at least 1: all points lie within the fields' bounds");
+        check_ranges(where, params);
         if (!priors.region.empty())
             check_size(where, "priors.region", priors.region.size(), positions.size(), "one τ per point, or none");
         check_value(priors.features.size() % positions.size() == 0, where,

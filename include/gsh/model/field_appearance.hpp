@@ -4,6 +4,7 @@
 
 #include <gsh/backend/backend.hpp>
 #include <gsh/core/config.hpp>
+#include <gsh/core/setting.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/field/hash_field.hpp>
 #include <gsh/learn/frame_codes.hpp>
@@ -22,7 +23,7 @@ namespace gsh {
 
 /// Settings of an appearance.
 struct AppearanceParams {
-    FieldParams field;
+    FieldParams field = {};
     int fine_level = 12;          ///< the first level that only points with τ > 0 read
     bool separate_tables = false; ///< coarse and fine levels have a table each
     double sh_dc_scale = 60;      ///< factor on a field's outputs for constant colours
@@ -34,6 +35,22 @@ struct AppearanceParams {
     double stored_sh_bands = sh_band_share;    ///< of stored bands above them, as a share of stored_sh_rate
     double stored_displacement_rate = 1.6e-4;  ///< of stored δx; as 3DGS moves means
     std::uint64_t seed = 0;
+
+    template <class Self, class F>
+    static void for_each_setting(Self& self, const F& f) {
+        f("hash.base", self.field.grid.base, SettingRange::above(1));
+        f("hash.growth", self.field.grid.growth, SettingRange::at_least(1));
+        f("hash.table_size", self.field.grid.table_size, SettingRange::power_of_two());
+        f("hash.fine_level", self.fine_level, SettingRange::at_least(0).up_to(16));
+        f("hash.separate_tables", self.separate_tables, SettingRange());
+        f("mlp.width", self.field.width, SettingRange::at_least(1));
+        f("mlp.hidden_layers", self.field.hidden_layers, SettingRange::at_least(0));
+        f("sh_dc_scale", self.sh_dc_scale, SettingRange());
+        f("rate.displacement", self.displacement_rate, SettingRange::at_least(0));
+        f("rate.sh", self.sh_rate, SettingRange::at_least(0));
+        f("rate.stored_displacements", self.stored_displacement_rate, SettingRange::at_least(0));
+        f("rate.stored_sh", self.stored_sh_rate, SettingRange::at_least(0));
+    }
 };
 
 namespace detail {
@@ -79,9 +96,7 @@ struct RowGradient {
 template <class Field, Backend B, std::floating_point T>
 [[nodiscard]] typename Field::Query appearance_query(B& backend, const CanonicalPoints<B, T>& points,
                                                      const AppearanceParams& params) {
-    const typename Field::Field geometry(
-        {.base = params.field.base, .growth = params.field.growth, .table_size = params.field.table_size},
-        {.outputs = 1});
+    const typename Field::Field geometry(params.field.grid, {.outputs = 1});
     typename Field::Query query;
     geometry.prepare(
         backend, points.unit(), query,

@@ -8,6 +8,7 @@
 #include <gsh/core/config.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/core/lane.hpp>
+#include <gsh/core/setting.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/learn/learned_array.hpp>
 #include <gsh/math/vec.hpp>
@@ -134,6 +135,12 @@ struct KeepMoments {
 struct PhotoGainParams {
     double rate = 0;     ///< about the change of a log gain at each visit of its photograph; 0: gains stay 1
     double start = 0.05; ///< share of the run before which they are fixed; the scene learns a rough look first
+
+    template <class Self, class F>
+    static void for_each_setting(Self& self, const F& f) {
+        f("gain.rate", self.rate, SettingRange::at_least(0));
+        f("gain.start", self.start, SettingRange::share());
+    }
 };
 
 /// Gains of photographs: a camera's automatic exposure and white balance change from image to image, and the scene must
@@ -149,7 +156,7 @@ class PhotoGains {
 public:
     PhotoGains(B& backend, const std::vector<Photo>& photos, const PhotoGainParams& params = {})
         : backend_(&backend), params_(params), log_gains_(backend, std::vector<T>(3 * photos.size(), T(0))) {
-        check_value(params.rate >= 0 && std::isfinite(params.rate), "PhotoGains", "rate must not be negative");
+        check_ranges("PhotoGains", params);
         gradient_.resize(1);
         backend.fill(Span<vec3<T>>(gradient_), vec3<T>(T(0)));
         std::map<std::size_t, std::vector<std::uint32_t>> of_camera;

@@ -86,7 +86,7 @@ concept RasterizerPolicy =
 
 struct PhotoLossParams {
     PixelFilter filter = {};                   ///< of gsh's rasterizer
-    double ssim_weight = 0.2;                  ///< λ of gsh's loss
+    double ssim_weight = PhotometricParams<double>().ssim_weight; ///< λ of gsh's loss
     double mask_weight = 0;                    ///< 0: masks are not compared
     std::array<double, 3> background{1, 1, 1}; ///< of photographs without a plate
     double gradient_transmittance_min = 0;     ///< of gsh's rasterizer, see RasterParams

@@ -4,7 +4,9 @@
 
 #include <gsh/body/skinning.hpp>
 #include <gsh/camera/pinhole.hpp>
+#include <gsh/core/enum_names.hpp>
 #include <gsh/core/error.hpp>
+#include <gsh/core/setting.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/image/resample.hpp>
 #include <gsh/math/affine.hpp>
@@ -12,6 +14,7 @@
 #include <gsh/prior/orthographic_camera.hpp>
 #include <gsh/prior/prior_view.hpp>
 
+#include <array>
 #include <cstddef>
 #include <optional>
 #include <string>
@@ -27,10 +30,20 @@ enum class DepthFeature {
     difference, ///< the map's depth minus the point's: how far the point lies in front of the visible surface
     raw,        ///< the map's depth, as in the paper
 };
+template <>
+struct EnumNames<DepthFeature> {
+    static constexpr std::array<std::string_view, 2> names{"difference", "raw"};
+};
 
 struct PriorFeatureParams {
     DepthFeature depth = DepthFeature::difference;
     double depth_unit = 0.1; ///< metres per unit of the feature; a limb's thickness, so that inputs are of order 1
+
+    template <class Self, class F>
+    static void for_each_setting(Self& self, const F& f) {
+        f("prior.depth_feature", self.depth, SettingRange());
+        f("prior.depth_unit", self.depth_unit, SettingRange::above(0));
+    }
 };
 
 /// φ_d: for each point and view, the feature from the view's depth map at the point's projection.

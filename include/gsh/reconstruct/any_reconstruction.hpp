@@ -5,11 +5,10 @@
 #include <gsh/avatar/avatar.hpp>
 #include <gsh/body/motion.hpp>
 #include <gsh/photo/photo.hpp>
+#include <gsh/reconstruct/any_training.hpp>
 #include <gsh/reconstruct/observer.hpp>
 #include <gsh/reconstruct/setup.hpp>
 #include <gsh/train/evaluation.hpp>
-#include <gsh/train/stage.hpp>
-#include <gsh/train/step_history.hpp>
 
 #include <array>
 #include <cstddef>
@@ -29,31 +28,13 @@ struct TableCounts {
     std::size_t ao_entries = 0, ao_touched = 0;
 };
 
-/// The models and their trainer on a backend that is chosen at run time: Reconstruction<B> is the one on B.
-class AnyReconstruction {
+/// The models and their trainer on a backend that is chosen at run time: Reconstruction<B> is the one on B. settle()
+/// comes before its calls.
+class AnyReconstruction : public AnyTraining {
 public:
     const ReconstructionSetup setup;
 
     explicit AnyReconstruction(ReconstructionSetup made) : setup(std::move(made)) {}
-    AnyReconstruction(const AnyReconstruction&) = delete;
-    AnyReconstruction& operator=(const AnyReconstruction&) = delete;
-    virtual ~AnyReconstruction() = default;
-
-    /// Trainer::step. On a device, steps are queued, and step_count may go back until they are settled.
-    virtual void step(double progress) = 0;
-    /// Trainer::settle: waits for the steps so far. It comes before the other calls below.
-    virtual void settle() = 0;
-    [[nodiscard]] virtual std::uint64_t step_count() const = 0;
-
-    /// Seconds in each stage of this run's steps, in the order of Stage, and the number of steps that were timed. A GPU
-    /// is asked when steps are settled, so there only the last step before is timed.
-    [[nodiscard]] virtual const std::array<double, stage_names.size()>& stage_seconds() const = 0;
-    [[nodiscard]] virtual std::uint64_t timed_steps() const = 0;
-
-    /// Trainer::history: settles, and returns the figures of the steps since the last call.
-    [[nodiscard]] virtual std::vector<StepValues> history() = 0;
-    /// False if a step is over when step() returns.
-    [[nodiscard]] virtual bool queues_steps() const = 0;
 
     /// Trainer::release_memory, at the end of the training.
     virtual void release_memory() = 0;

@@ -2,6 +2,7 @@
 /// @file  How a capture is reconstructed: the configuration, the length of the training, refinement, limits.
 #pragma once
 
+#include <gsh/reconstruct/any_training.hpp>
 #include <gsh/setup/configuration.hpp>
 
 #include <cstddef>
@@ -12,7 +13,7 @@ namespace gsh {
 /// Everything about a reconstruction except its input. The defaults are those of gsh-reconstruct.
 struct Recipe {
     Configuration configuration = named_configuration(default_configuration);
-    std::uint64_t steps = 3000;     ///< of training; rates fall over them
+    std::uint64_t steps = TrainingLength().steps; ///< of training; rates fall over them
     double seconds = 0;             ///< of training, instead of steps; 0: use steps
     std::size_t gaussians = 170000; ///< of each person
     std::uint64_t seed = 0;         ///< of all random choices
@@ -25,6 +26,8 @@ struct Recipe {
     /// Bytes that training may take, of the host or of the device on which it runs; then there may be fewer Gaussians.
     /// 0: no limit.
     std::uint64_t max_memory = 0;
+
+    [[nodiscard]] TrainingLength length() const { return {steps, seconds}; }
 };
 
 } // namespace gsh

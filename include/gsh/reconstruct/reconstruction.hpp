@@ -39,7 +39,8 @@ namespace gsh {
 /// The reconstruction of one person or several on a backend: models, scene, trainer, refinement.
 ///
 /// Train it by train() (reconstruct/train.hpp), or step by step; then fill_unseen(), and avatars() are ready for files.
-template <Backend B>
+/// Parts lists the appearances and ambient occlusions that the recipe may name (AvatarParts).
+template <Backend B, class Parts = AvatarParts>
 class Reconstruction final : public AnyReconstruction {
 public:
     /// Of a setup that is made. The backend must outlive this object, and so must the input of the setup.
@@ -124,7 +125,7 @@ public:
         for (Person& person : people_) {
             counts.lookups += person.model.appearance().lookups();
             count(person.model.appearance().learned(), counts.entries, counts.touched);
-            count(person.model.shadow().learned(), counts.ao_entries, counts.ao_touched);
+            count(person.model.occlusion().learned(), counts.ao_entries, counts.ao_touched);
         }
         return counts;
     }
@@ -139,9 +140,9 @@ private:
         std::optional<Refinement> refinement, test_refinement; // of training frames; of test frames
 
         Person(B& backend, const ReconstructionSetup::Person& from, const CanonicalPriors& priors,
-               const AvatarConfig& config, ModelLight<B> light)
-            : model(make_avatar<B>(backend, from.rig, from.samples, from.motion.frame_count(), from.seed, config,
-                                   priors, std::move(light))) {}
+               const ConfiguredAvatarParams& config, ModelLight<B> light)
+            : model(make_avatar<B, float, 16, 4, 2, Parts>(backend, from.rig, from.samples, from.motion.frame_count(),
+                                                           from.seed, config, priors, std::move(light))) {}
     };
     using PriorsOfPeople = std::vector<CanonicalPriors>;
 
@@ -162,7 +163,7 @@ private:
                                         const Observer& observer) {
         check_input(input);
         if (recipe.refine && recipe.registration) register_people(backend, host, input, recipe, observer);
-        ReconstructionSetup made = make_setup(host, input, recipe, observer, !B::host_memory);
+        ReconstructionSetup made = make_setup<Parts>(host, input, recipe, observer, !B::host_memory);
         take_photographs(made, input.capture);
         return made;
     }
@@ -174,9 +175,9 @@ private:
         return priors;
     }
     std::vector<CastMember<Model>> cast(const PriorsOfPeople& priors) {
-        const AvatarConfig& config = setup.configuration.avatar;
+        const ConfiguredAvatarParams& config = setup.configuration.avatar;
         SharedLight<B> light; // of all people; the first announces it
-        if (setup.light) light = std::make_shared<LearnedLight<B>>(*backend_, *setup.light, config.rates.light);
+        if (setup.light) light = std::make_shared<LearnedLight<B>>(*backend_, *setup.light, config.light_rates);
         std::vector<CastMember<Model>> cast;
         for (std::size_t p = 0; p < setup.people.size(); ++p) {
             const ReconstructionSetup::Person& from = setup.people[p];
@@ -191,12 +192,10 @@ private:
                     "Recipe::refine");
     }
     void refine_people() {
-        const Configuration& configuration = setup.configuration;
-        RefinementConfig config = *setup.refinement;
+        RefinementParams config = *setup.refinement;
         for (std::size_t p = 0; p < people_.size(); ++p) {
             const ReconstructionSetup::Person& from = setup.people[p];
-            config.joint_rates =
-                joint_rates(from.rig.joint_count(), configuration.finger_rate, configuration.face_rate);
+            config.joint_rates = joint_rates(from.rig.joint_count(), config.finger_rate, config.face_rate);
             // All people share the cameras; the first person's refinement holds them.
             people_[p].refinement.emplace(*backend_, from.rig, from.motion,
                                           p == 0 ? setup.cameras : std::vector<Camera<double>>(), config);
@@ -212,8 +211,8 @@ private:
     StageTimer<B> timer_;
 };
 
-template <Backend B>
-std::vector<std::size_t> Reconstruction<B>::fill_unseen() {
+template <Backend B, class Parts>
+std::vector<std::size_t> Reconstruction<B, Parts>::fill_unseen() {
     std::vector<std::size_t> counts(people_.size(), 0);
     if (!setup.configuration.fill_unseen) return counts;
     std::vector<const SurfaceSamples*> samples;
@@ -233,23 +232,23 @@ std::vector<std::size_t> Reconstruction<B>::fill_unseen() {
     return counts;
 }
 
-template <Backend B>
-bool Reconstruction<B>::refine_test_poses(const Observer& observer) {
+template <Backend B, class Parts>
+bool Reconstruction<B, Parts>::refine_test_poses(const Observer& observer) {
     check_refined("Reconstruction::refine_test_poses");
     const Configuration& configuration = setup.configuration;
     for (std::size_t p = 0; p < people_.size(); ++p) {
         Person& person = people_[p];
         person.refinement->carry_to_left_out();
         person.test_refinement.emplace(*backend_, setup.people[p].rig, person.refinement->motion(),
-                                       std::vector<Camera<double>>(), test_time_config(person.refinement->config()));
+                                       std::vector<Camera<double>>(), test_time_params(person.refinement->config()));
         scene_.refine(*person.test_refinement, p);
     }
     std::set<std::size_t> frames;
     for (const Photo& photo : setup.test_photos) frames.insert(photo.frame);
-    const std::size_t rounds = people_.size() > 1 ? 2 : 1, steps = (configuration.test_steps + rounds - 1) / rounds;
+    const std::size_t rounds = people_.size() > 1 ? 2 : 1, steps = (configuration.test_fit.steps + rounds - 1) / rounds;
     PoseFitParams params{.steps = steps,
                          .ssim_weight = configuration.train.ssim_weight,
-                         .mask_weight = configuration.test_mask_weight,
+                         .mask_weight = configuration.test_fit.mask_weight,
                          .background = configuration.train.background,
                          .stop = [&] { return observer.stopped(); }};
     PoseFit<B> fit(*backend_, configuration.train.filter, params);

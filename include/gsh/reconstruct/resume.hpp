@@ -11,6 +11,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
+#include <set>
 #include <sstream>
 #include <string>
 #include <string_view>
@@ -49,6 +50,19 @@ inline std::string checkpoint_text(const ReconstructionSetup& setup) {
     return setup.run + "gaussians = " + std::to_string(setup.gaussian_count()) + "\n";
 }
 
+/// A text with its settings ("rate.sh = 0.002") sorted at the end, because a run does not depend on the order in which
+/// they are listed.
+inline std::string with_sorted_settings(const std::string& text) {
+    std::istringstream lines(text);
+    std::string others, line;
+    std::set<std::string> settings;
+    while (std::getline(lines, line))
+        if (line.find(" = ") == std::string::npos) others += line + "\n";
+        else settings.insert(line);
+    for (const std::string& setting : settings) others += setting + "\n";
+    return others;
+}
+
 /// A message with the first line in which two texts differ.
 inline std::string difference(const std::string& there, const std::string& here) {
     std::istringstream a(there), b(here);
@@ -69,8 +83,9 @@ inline ArchiveReader open_checkpoint(const std::filesystem::path& path) {
 
 inline void check_run(const std::filesystem::path& path, const std::string& there, const std::string& here,
                       std::string_view advice) {
-    check_value(there == here, path.string(),
-                "belongs to a different run: " + difference(there, here) + std::string(advice));
+    const std::string of_file = with_sorted_settings(there), of_run = with_sorted_settings(here);
+    check_value(of_file == of_run, path.string(),
+                "belongs to a different run: " + difference(of_file, of_run) + std::string(advice));
 }
 
 } // namespace detail

@@ -20,7 +20,7 @@
 #include <gsh/reconstruct/input.hpp>
 #include <gsh/reconstruct/observer.hpp>
 #include <gsh/reconstruct/recipe.hpp>
-#include <gsh/refine/refinement_config.hpp>
+#include <gsh/refine/refinement_params.hpp>
 #include <gsh/setup/canonical_setup.hpp>
 #include <gsh/setup/configuration.hpp>
 #include <gsh/setup/light_estimate.hpp>
@@ -65,7 +65,7 @@ struct ReconstructionSetup {
     std::optional<LightData> light;                 ///< with which the light starts, if there is one
     std::string light_text;                         ///< how well it explains the photographs
     bool registered = false;                        ///< whether motions were registered before (register_people)
-    std::optional<RefinementConfig> refinement;     ///< of the poses, with refine; joint_rates are each person's own
+    std::optional<RefinementParams> refinement;     ///< of the poses, with refine; joint_rates are each person's own
     std::vector<Camera<double>> cameras;            ///< that are refined, too; or none
     std::vector<std::string> warnings;              ///< about the choice of the number of Gaussians
 
@@ -86,7 +86,7 @@ struct ReconstructionSetup {
 ///
 /// Errors  ValueError without photographs for training, for settings out of range, if recipe.max_memory is too small,
 ///         or if the light cannot be estimated; those of make_canonical_setup and test_photos_of.
-template <CpuBackend B>
+template <class Parts = AvatarParts, CpuBackend B>
 [[nodiscard]] ReconstructionSetup make_setup(B& host, const ReconstructionInput& input, const Recipe& recipe,
                                              const Observer& observer = {}, bool on_device = false);
 
@@ -124,9 +124,9 @@ inline std::size_t bytes_of_images(const ReconstructionSetup& setup, bool on_dev
 }
 
 /// The number of Gaussians of each person: as requested, or as many as fit into recipe.max_memory. What they leave of a
-/// device's memory is for plates and photographs (TrainConfig::photo_memory).
+/// device's memory is for plates and photographs (TrainParams::photo_memory).
 /// Errors  ValueError if less than a tenth of the requested number fits.
-template <CpuBackend B>
+template <class Parts, CpuBackend B>
 std::size_t gaussians_within_memory(const ReconstructionInput& input, const Recipe& recipe, bool on_device,
                                     ReconstructionSetup& setup) {
     if (recipe.max_memory == 0) return recipe.gaussians;
@@ -134,12 +134,12 @@ std::size_t gaussians_within_memory(const ReconstructionInput& input, const Reci
     for (const auto& camera : input.capture.cameras)
         pixels = std::max(pixels, static_cast<std::size_t>(camera.camera.width) *
                                       static_cast<std::size_t>(camera.camera.height));
-    const MemoryModel memory =
-        training_memory<B>(setup.configuration.avatar, pixels, bytes_of_images(setup, on_device), input.people.size(),
-                           {.joint_count = input.body().joint_count(),
-                            .vertex_count = input.body().vertex_count(),
-                            .frame_count = input.capture.frame_count()},
-                           on_device ? device_costs : host_costs);
+    const MemoryModel memory = training_memory<B, float, Parts>(setup.configuration.avatar, pixels,
+                                                                bytes_of_images(setup, on_device), input.people.size(),
+                                                                {.joint_count = input.body().joint_count(),
+                                                                 .vertex_count = input.body().vertex_count(),
+                                                                 .frame_count = input.capture.frame_count()},
+                                                                on_device ? device_costs : host_costs);
     const std::size_t count = std::min(recipe.gaussians, memory.gaussians_within(recipe.max_memory));
     if (count < recipe.gaussians / 10)
         throw ValueError("Recipe::max_memory (--max-memory of the programs) is " + std::to_string(recipe.max_memory) +
@@ -175,15 +175,12 @@ inline void add_photographs(const ReconstructionInput& input, ReconstructionSetu
 /// Estimates the light that all people share.
 template <CpuBackend B>
 void add_light(B& host, ReconstructionSetup& setup) {
-    const AvatarConfig& config = setup.configuration.avatar;
+    const ConfiguredAvatarParams& config = setup.configuration.avatar;
     std::vector<LitPerson> lit;
     for (const auto& person : setup.people) lit.push_back({&person.rig, &person.motion});
     try {
-        LightEstimate estimate = estimate_light(host, Span<const LitPerson>(lit), Span<const Photo>(setup.photos),
-                                                {.points = static_cast<std::size_t>(config.light_points),
-                                                 .directions = static_cast<std::size_t>(config.light_directions),
-                                                 .distance = config.light_distance,
-                                                 .shadows = config.light_shadows});
+        LightEstimate estimate =
+            estimate_light(host, Span<const LitPerson>(lit), Span<const Photo>(setup.photos), {.light = config.lights});
         char text[192];
         std::snprintf(text, sizeof text,
                       "light from %zu colours of the mesh: a colour per vertex explains them to %.1f dB, with light "
@@ -198,10 +195,9 @@ void add_light(B& host, ReconstructionSetup& setup) {
 }
 
 /// The refinement of poses. Those of frames without a photograph in training do not learn.
-inline RefinementConfig refinement_of(const ReconstructionSetup& setup) {
-    check_value(setup.configuration.test_mask_weight >= 0, "refine.test_mask_weight",
-                "must not be negative"); // checked before training
-    RefinementConfig config = setup.configuration.refinement;
+inline RefinementParams refinement_of(const ReconstructionSetup& setup) {
+    check_ranges("refinement", setup.configuration.test_fit); // before training
+    RefinementParams config = setup.configuration.refinement;
     std::set<std::size_t> seen;
     for (const Photo& photo : setup.photos) seen.insert(photo.frame);
     for (std::size_t frame = 0; frame < setup.people[0].motion.frame_count(); ++frame)
@@ -215,7 +211,8 @@ inline std::string run_text(const ReconstructionInput& input, const Recipe& reci
     std::string text;
     if (input.people.size() > 1)
         for (const CapturePerson& person : input.people) text += "person " + person.name + "\n";
-    for (const auto& [key, value] : settings_of(recipe.configuration)) text += key + " = " + value + "\n";
+    for (const auto& [key, value] : settings_of(recipe.configuration))
+        if (!value.empty()) text += key + " = " + value + "\n";
     if (recipe.refine) text += recipe.refine_cameras ? "refine, cameras too\n" : "refine\n";
     if (!recipe.registration) text += "not registered\n";
     if (recipe.fine_registration > 0) text += "fine registration " + std::to_string(recipe.fine_registration) + "\n";
@@ -229,7 +226,7 @@ inline std::string run_text(const ReconstructionInput& input, const Recipe& reci
     return text;
 }
 
-template <CpuBackend B>
+template <class Parts, CpuBackend B>
 ReconstructionSetup make_setup(B& host, const ReconstructionInput& input, const Recipe& recipe,
                                const Observer& observer, bool on_device) {
     const ObservedStage stage(observer, "preparing the avatar");
@@ -240,7 +237,7 @@ ReconstructionSetup make_setup(B& host, const ReconstructionInput& input, const 
     setup.registered = input.registration.has_value();
     detail::add_photographs(input, setup);
     setup.held_out_frames = input.capture.held_out_frames;
-    const std::size_t count = detail::gaussians_within_memory<B>(input, recipe, on_device, setup);
+    const std::size_t count = detail::gaussians_within_memory<Parts, B>(input, recipe, on_device, setup);
     for (std::size_t p = 0; p < input.people.size(); ++p) {
         const CapturePerson& from = input.people[p];
         const std::uint64_t seed = p == 0 ? recipe.seed : random_bits(recipe.seed, p);

@@ -8,7 +8,7 @@
 #include <gsh/camera/pinhole.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/math/vec.hpp>
-#include <gsh/refine/refinement_config.hpp>
+#include <gsh/refine/refinement_params.hpp>
 #include <gsh/refine/refinement_tables.hpp>
 
 #include <array>

@@ -6,7 +6,7 @@
 #include <gsh/backend/memory.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/refine/estimated_motion.hpp>
-#include <gsh/refine/refinement_config.hpp>
+#include <gsh/refine/refinement_params.hpp>
 #include <gsh/refine/refinement_tables.hpp>
 
 #include <algorithm>

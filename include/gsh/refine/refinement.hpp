@@ -14,7 +14,7 @@
 #include <gsh/refine/camera_increments.hpp>
 #include <gsh/refine/estimated_motion.hpp>
 #include <gsh/refine/frame_increments.hpp>
-#include <gsh/refine/refinement_config.hpp>
+#include <gsh/refine/refinement_params.hpp>
 #include <gsh/refine/refinement_tables.hpp>
 
 #include <algorithm>
@@ -54,7 +54,7 @@ public:
     /// `cameras` is empty if no camera is refined. A motion with fewer coefficients than the rig is extended: motion()
     /// returns all of them.
     MotionRefinement(B& backend, const RigData& rig, const Motion& motion, std::vector<Camera<double>> cameras,
-                     const RefinementConfig& config = {})
+                     const RefinementParams& config = {})
         : backend_(&backend), config_(config), estimate_(backend, rig, motion),
           cameras_(backend, std::move(cameras), mean_root(estimate_.motion(), rig)),
           tables_(backend, {.frames = frame_count(),
@@ -80,7 +80,7 @@ public:
         assign(*backend_, std::vector<T>(config_.joint_rates.begin(), config_.joint_rates.end()), joint_rates_);
     }
 
-    [[nodiscard]] const RefinementConfig& config() const { return config_; }
+    [[nodiscard]] const RefinementParams& config() const { return config_; }
     [[nodiscard]] std::size_t frame_count() const { return estimate_.frame_count(); }
     [[nodiscard]] std::size_t camera_count() const { return cameras_.size(); }
     [[nodiscard]] std::uint64_t step_count() const { return steps_; }
@@ -317,7 +317,7 @@ private:
     }
 
     B* backend_;
-    RefinementConfig config_;
+    RefinementParams config_;
     EstimatedMotion<B, T> estimate_;
     mutable CameraIncrements<B, T> cameras_;
     RefinementTables<B, T> tables_;

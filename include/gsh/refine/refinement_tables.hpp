@@ -8,7 +8,7 @@
 #include <gsh/core/error.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/optim/adam.hpp>
-#include <gsh/refine/refinement_config.hpp>
+#include <gsh/refine/refinement_params.hpp>
 
 #include <array>
 #include <cmath>

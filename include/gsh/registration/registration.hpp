@@ -21,7 +21,7 @@
 #include <gsh/setup/configuration.hpp>
 #include <gsh/train/avatar_scene.hpp>
 #include <gsh/train/step_history.hpp>
-#include <gsh/train/train_config.hpp>
+#include <gsh/train/train_params.hpp>
 #include <gsh/train/trainer.hpp>
 
 #include <algorithm>
@@ -51,8 +51,8 @@ struct RegistrationLevel {
 /// Rates and terms of a registration. Shape and biases learn from all frames, and the motion stays smooth: one camera
 /// does not see the depth of a limb in one frame, but it sees it while the person turns. The weight of smoothness is
 /// that for one photograph of each frame.
-[[nodiscard]] inline RefinementConfig registration_terms() {
-    RefinementConfig config;
+[[nodiscard]] inline RefinementParams registration_terms() {
+    RefinementParams config;
     config.pose = RefinedGroup{.rate = 6e-3, .terms = {.pull = 1e-3, .acceleration = 0.03}};
     config.transl = RefinedGroup{.rate = 3e-3, .terms = {.pull = 1e-3, .acceleration = 0.03}};
     config.expression = RefinedGroup{};
@@ -74,7 +74,7 @@ struct RegistrationParams {
         {.pixels = 270, .visits = 30, .rate = 0.35, .fingers = 1, .keypoints = 0.1},
     };
     std::size_t gaussians = 20'000; ///< of each person
-    RefinementConfig refinement = registration_terms();
+    RefinementParams refinement = registration_terms();
     PhotoGainParams gain{.rate = 0.03};
     bool focal = false; ///< whether the focal length learns, if all photographs are of one camera
     KeypointTermParams keypoints = {};
@@ -125,20 +125,20 @@ namespace detail {
     config.depth_prior = config.normal_prior = false;
     config.fine_levels = FineLevels::none;
     config.avatar.hash_sh = config.avatar.hash_displacement = false;
-    config.avatar.initial_opacity = 0.6;
-    config.avatar.sh_start = 0.3; // as in `light`, which has gains, too
-    config.avatar.rates = LearningRates{.joints = 0,
-                                        .quats = 0,
-                                        .log_scales = 3e-3,
-                                        .opacity_logits = 0.02,
-                                        .stored_displacements = 3e-5,
-                                        .stored_sh = 0.02};
+    config.avatar.appearance.stored_displacement_rate = 3e-5;
+    config.avatar.appearance.stored_sh_rate = 0.02;
+    config.avatar.model = AvatarModelParams{.initial_opacity = 0.6,
+                                            .sh_start = 0.3, // as in `light`, which has gains, too
+                                            .joint_rate = 0,
+                                            .quat_rate = 0,
+                                            .log_scale_rate = 3e-3,
+                                            .opacity_logit_rate = 0.02};
     return config;
 }
 
 /// L1 alone: SSIM's windows would be as large as a limb.
-[[nodiscard]] inline TrainConfig registration_training(const TrainConfig& of_avatar, const PhotoGainParams& gain) {
-    TrainConfig config = of_avatar;
+[[nodiscard]] inline TrainParams registration_training(const TrainParams& of_avatar, const PhotoGainParams& gain) {
+    TrainParams config = of_avatar;
     config.ssim_weight = 0;
     config.final_rate = 0.1;
     config.filter.dilation = 0.05; // a reduced photograph is sharper than a full one
@@ -170,7 +170,7 @@ struct LevelInput {
     std::size_t steps;
     std::vector<Photo> photos;            ///< of the level's size
     std::optional<Camera<double>> camera; ///< of all photographs, if its focal length learns
-    RefinementConfig terms;               ///< with the level's rates
+    RefinementParams terms;               ///< with the level's rates
 };
 
 /// Trains bodies and corrections on photographs of one size, and puts the corrected motions into result.motions.
@@ -301,7 +301,7 @@ template <Backend B, CpuBackend H>
         const int factor = reduction_factor(photos, level.pixels);
         const auto steps = static_cast<std::size_t>(std::lround(level.visits * static_cast<double>(frames.size())));
         detail::LevelInput input{level, steps, {}, {}, params.refinement};
-        RefinementConfig& terms = input.terms;
+        RefinementParams& terms = input.terms;
         terms.left_out = unseen;
         for (RefinedGroup* group : {&terms.pose, &terms.transl, &terms.expression, &terms.betas, &terms.pose_bias,
                                     &terms.transl_bias, &terms.camera_focal})

@@ -5,6 +5,7 @@
 #include <gsh/camera/pinhole.hpp>
 #include <gsh/core/config.hpp>
 #include <gsh/core/lane.hpp>
+#include <gsh/gaussian/splats.hpp>
 #include <gsh/math/sym.hpp>
 #include <gsh/math/vec.hpp>
 
@@ -15,7 +16,7 @@ namespace gsh {
 template <std::floating_point S>
 struct ProjectionParams {
     S near_plane = S(0.2);              ///< metres; Gaussians that are not farther away are culled
-    S dilation = S(0.3);                ///< px², added to both variances, so that no splat is thinner than a pixel
+    S dilation = S(PixelFilter().dilation); ///< px², added to both variances, so that no splat is thinner than a pixel
     S jacobian_margin = S(0.15);        ///< of the image size, on each side: the Jacobian is clamped beyond it
     bool compensate_opacity = false;    ///< anti-aliasing: opacity is lowered so that dilation adds no total weight
     S compensation_floor = S(0.000025); ///< lower limit of the ratio of determinants

@@ -11,7 +11,7 @@
 #include <gsh/gaussian/splats.hpp>
 #include <gsh/math/sh.hpp>
 #include <gsh/math/vec.hpp>
-#include <gsh/model/shadow.hpp>
+#include <gsh/model/occlusion.hpp>
 #include <gsh/photo/photo.hpp>
 
 #include <algorithm>
@@ -86,14 +86,14 @@ template <class B, class Model>
     return cloud;
 }
 
-/// Each Gaussian's mean ambient occlusion over `frames`, for new motions if the shadow does not follow the pose. Empty
-/// without a shadow, or before it has joined.
+/// Each Gaussian's mean ambient occlusion over `frames`, for new motions if it does not follow the pose. Empty without
+/// ambient occlusion, or before it has joined.
 template <class Scene>
 [[nodiscard]] std::vector<typename Scene::Scalar> mean_ao(Scene& scene, const std::vector<std::size_t>& frames,
                                                           std::size_t person = 0) {
     using T = typename Scene::Scalar;
     auto& model = scene.model(person);
-    if (!model.casts_shadow()) return {};
+    if (!model.occludes()) return {};
     std::vector<T> mean(model.size(), T(0)), of_frame(model.size());
     for (const std::size_t frame : frames) {
         scene.backend().download(model.ao(scene.pose(frame, person), frame), Span<T>(of_frame));
@@ -161,8 +161,8 @@ template <class Scene>
 }
 
 /// A person's present avatar: `rig` with the learned joints, the canonical Gaussians, and the mean ao over `frames`.
-/// A shadow that follows the pose is also exported as an occlusion field, and a light with its numbers and the mean
-/// irradiance. `filter` is that of training.
+/// Ambient occlusion that follows the pose is also exported as an occlusion field, and a light with its numbers and the
+/// mean irradiance. `filter` is that of training.
 template <class Scene>
 [[nodiscard]] AvatarData export_avatar(Scene& scene, const RigData& rig, const std::vector<std::size_t>& frames,
                                        const PixelFilter& filter, std::size_t person = 0) {
@@ -183,7 +183,7 @@ template <class Scene>
         avatar.light_place = place_of(scene.motion(person), avatar.rig.joints[0], frames);
     }
     avatar.ao = mean_ao(scene, frames, person);
-    if (!avatar.ao.empty()) avatar.occlusion_field = baked_field(model.shadow());
+    if (!avatar.ao.empty()) avatar.occlusion_field = baked_field(model.occlusion());
     avatar.mean_irradiance = mean_irradiance(scene, frames, person);
     return avatar;
 }

@@ -66,9 +66,9 @@ template <HostExecutor E>
     if (config.has_regions()) mask = region_mask(body, vertices, regions, config.region);
     const std::vector<double> per_vertex = config.region_samples ? mask->samples_per_vertex()
                                                                  : std::vector<double>(vertices.size(), 1.0);
-    setup.samples =
-        sample_surface(mover, vertices, per_vertex, mix_bits(seed),
-                       {.total = count, .weights = config.sample_weights, .jitter = config.sample_jitter});
+    SurfaceSampleParams samples = config.samples;
+    samples.total = count;
+    setup.samples = sample_surface(mover, vertices, per_vertex, mix_bits(seed), samples);
     setup.rig = make_rig(mover, motion.betas, setup.samples);
 
     const std::size_t N = setup.samples.size();

@@ -30,13 +30,11 @@ namespace gsh {
 
 /// Settings of a light estimate.
 struct LightEstimateParams {
-    std::size_t points = 4, directions = 12; ///< of the result
+    LightParams light = {};                  ///< of the result; `distance` is the radius of the sphere of candidates
     std::size_t candidates = 128;            ///< places among which the points are found, on a sphere about the people
-    double distance = 4;                     ///< metres; its radius
     std::size_t frames = 24;                 ///< at most this many are read, evenly spread over the photographed ones
     std::size_t photos_per_frame = 4;        ///< at most
     std::size_t vertices = 3000;             ///< at most, of each person
-    bool shadows = true;                     ///< LightData::shadows of the result
     int rounds = 12;                         ///< at most, of Gauss-Newton steps
     std::uint64_t seed = 0;
 };
@@ -236,9 +234,12 @@ template <Backend B>
                                            const LightEstimateParams& params = {}) {
     constexpr std::string_view where = "estimate_light";
     check_value(!people.empty() && !photos.empty(), where, "there are no people or no photographs");
-    check_value(params.points + params.directions > 0, where, "points and directions are 0, expected a light");
-    check_value(params.points == 0 || params.candidates > 0, where, "candidates is 0, expected places for the points");
-    check_value(params.distance > 0 && std::isfinite(params.distance), where, "distance must be above 0 metres");
+    check_value(params.light.points + params.light.directions > 0, where,
+                "points and directions are 0, expected a light");
+    check_value(params.light.points == 0 || params.candidates > 0, where,
+                "candidates is 0, expected places for the points");
+    check_value(params.light.distance > 0 && std::isfinite(params.light.distance), where,
+                "distance must be above 0 metres");
     // Frames: evenly spread over the photographed ones.
     std::vector<std::size_t> frames;
     for (const Photo& photo : photos) frames.push_back(photo.frame);
@@ -257,14 +258,15 @@ template <Backend B>
     const vec3<double> center = detail::middle_of_people(people, photos, frames);
     const std::vector<vec3<double>> around = even_directions(params.candidates);
     LightData candidates{.points = {},
-                         .directions = even_directions(params.directions),
-                         .log_intensities = std::vector<double>(params.candidates + params.directions, 0),
+                         .directions = even_directions(params.light.directions),
+                         .log_intensities = std::vector<double>(params.candidates + params.light.directions, 0),
                          .gloss = {},
-                         .shadows = params.shadows};
-    for (const vec3<double>& direction : around) candidates.points.push_back(center + direction * params.distance);
+                         .shadows = params.light.shadows};
+    for (const vec3<double>& direction : around)
+        candidates.points.push_back(center + direction * params.light.distance);
 
     LightEstimate estimate;
-    detail::PosedPeople<B> posed(backend, people, params.vertices, params.seed, center, 2 * params.distance);
+    detail::PosedPeople<B> posed(backend, people, params.vertices, params.seed, center, 2 * params.light.distance);
     detail::LightSamples samples = detail::read_samples(posed, photos, frames, candidates, params.photos_per_frame);
     check_value(!samples.colors.empty(), where,
                 "no vertex of a mesh is seen inside the mask (alpha of at least " +
@@ -276,10 +278,10 @@ template <Backend B>
     const Eigen::VectorXd strength = found.cwiseProduct(G.rowwise().mean().cast<double>());
 
     LightData& light = estimate.light;
-    for (const vec3<double>& place : detail::strongest_places(around, strength, params.points))
-        light.points.push_back(center + place * params.distance);
+    for (const vec3<double>& place : detail::strongest_places(around, strength, params.light.points))
+        light.points.push_back(center + place * params.light.distance);
     light.directions = candidates.directions;
-    light.shadows = params.shadows;
+    light.shadows = params.light.shadows;
     light.log_intensities.assign(light.size(), 0);
     samples = detail::read_samples(posed, photos, frames, light, params.photos_per_frame);
     G = samples.irradiances(light);
@@ -290,16 +292,16 @@ template <Backend B>
     // An intensity of zero has no logarithm: the least is a thousandth of the mean irradiance. The strongest point
     // comes first, for it is the unit of a LearnedLight.
     for (std::size_t k = 0; k < light.size(); ++k) {
-        const double unit = k < light.points.size() ? params.distance * params.distance : 1;
+        const double unit = k < light.points.size() ? params.light.distance * params.light.distance : 1;
         light.log_intensities[k] = std::log(std::max(fitted[static_cast<Eigen::Index>(k)], 1e-3 * unit));
     }
-    if (params.points > 0) {
-        const auto points_end = light.log_intensities.begin() + static_cast<std::ptrdiff_t>(params.points);
+    if (params.light.points > 0) {
+        const auto points_end = light.log_intensities.begin() + static_cast<std::ptrdiff_t>(params.light.points);
         const auto strongest = std::max_element(light.log_intensities.begin(), points_end);
         std::swap(light.points[0], light.points[static_cast<std::size_t>(strongest - light.log_intensities.begin())]);
         std::swap(light.log_intensities[0], *strongest);
     }
-    light.gloss = even_light(1, 0, center, params.distance).gloss;
+    light.gloss = even_light(1, 0, center, params.light.distance).gloss;
     return estimate;
 }
 

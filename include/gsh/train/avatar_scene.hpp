@@ -263,7 +263,7 @@ private:
         return cameras && cameras->learns_camera(photo.camera_index);
     }
     [[nodiscard]] static bool keeps_poses(const Person& of) {
-        return gsh::keeps_poses(of.motion->frame_count(), of.model->rig().shape_bytes());
+        return gsh::keeps_poses(of.motion->frame_count(), of.model->rig().prepared_bytes());
     }
     /// Prepares the pose of a frame unless that was done before. On a device all frames are prepared at once, because
     /// recorded steps, which follow, must not allocate.
@@ -272,7 +272,7 @@ private:
         const std::size_t frames = of.motion->frame_count();
         check_frame("AvatarScene::pose", frame, frames);
         of.poses.resize(frames);
-        if (!of.poses[frame].shape.empty()) return;
+        if (!of.poses[frame].prepared.empty()) return;
         const std::size_t first = B::host_memory ? frame : 0, end = B::host_memory ? frame + 1 : frames;
         for (std::size_t f = first; f < end; ++f) {
             rig.upload_pose(*of.motion, f, of.poses[f]);

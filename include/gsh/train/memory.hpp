@@ -6,9 +6,9 @@
 #include <gsh/learn/part_size.hpp>
 #include <gsh/light/shadow_map.hpp>
 #include <gsh/math/vec.hpp>
-#include <gsh/model/avatar_config.hpp>
 #include <gsh/model/canonical_points.hpp>
 #include <gsh/model/configured_avatar.hpp>
+#include <gsh/model/configured_avatar_params.hpp>
 #include <gsh/train/avatar_scene.hpp>
 
 #include <concepts>
@@ -59,11 +59,11 @@ inline constexpr BufferCosts device_costs{
 /// of `paper`, and with 20,000 Gaussians 1.00 to 1.05 times the peaks of `paper`, `no-ao`, `light` and `baseline`. A
 /// budget therefore needs a margin of its own. Each of several people has own fields; the number of Gaussians is that
 /// of one person.
-template <Backend B, std::floating_point T = float>
-[[nodiscard]] MemoryModel training_memory(const AvatarConfig& config, std::size_t pixels, std::uint64_t held,
+template <Backend B, std::floating_point T = float, class Parts = AvatarParts>
+[[nodiscard]] MemoryModel training_memory(const ConfiguredAvatarParams& config, std::size_t pixels, std::uint64_t held,
                                           std::size_t people = 1, const AvatarInputs& inputs = {},
                                           const BufferCosts& costs = host_costs) {
-    const PartSize avatar = avatar_size<B, T>(config, inputs.joint_count, inputs.priors);
+    const PartSize avatar = avatar_size<B, T, 16, 4, 2, Parts>(config, inputs.joint_count, inputs.priors);
     const std::uint64_t others = costs.per_gaussian + costs.per_query * avatar.queries;
     MemoryModel memory{.fixed = costs.fixed + held + costs.per_pixel * pixels + people * sizeof(T) * avatar.fixed(),
                        .per_gaussian = people * (others + sizeof(T) * avatar.per_point())};
@@ -73,15 +73,15 @@ template <Backend B, std::floating_point T = float>
     if (keeps_poses(inputs.frame_count, pose)) memory.fixed += people * inputs.frame_count * pose;
     if (config.light) {
         // The posed mesh, its normals, their gradients, the caster; normal offsets with gradient and moments.
-        const std::uint64_t per_vertex = 160 + (config.rates.light_normals > 0 ? 60 : 0);
+        const std::uint64_t per_vertex = 160 + (config.model.normal_offset_rate > 0 ? 60 : 0);
         constexpr ShadowMapParams maps;
-        const auto points = static_cast<std::uint64_t>(config.light_points),
-                   directions = static_cast<std::uint64_t>(config.light_directions);
+        const auto points = static_cast<std::uint64_t>(config.lights.points),
+                   directions = static_cast<std::uint64_t>(config.lights.directions);
         const auto area = [](int side) { return static_cast<std::uint64_t>(side) * static_cast<std::uint64_t>(side); };
         const std::uint64_t texels =
             points * area(maps.point_resolution) + directions * area(maps.direction_resolution);
         memory.fixed += people * (inputs.vertex_count * (per_vertex + sizeof(T) * (points + directions)) +
-                                  (config.light_shadows ? sizeof(T) * texels : 0));
+                                  (config.lights.shadows ? sizeof(T) * texels : 0));
         memory.per_gaussian += people * 116; // corners, posed means, colours without light, irradiance, gradients
     }
     return memory;

@@ -5,8 +5,10 @@
 #include <gsh/backend/backend.hpp>
 #include <gsh/camera/pinhole.hpp>
 #include <gsh/core/error.hpp>
+#include <gsh/core/setting.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/gaussian/splats.hpp>
+#include <gsh/loss/photometric_cache.hpp>
 #include <gsh/photo/photo.hpp>
 #include <gsh/photo/photo_loss.hpp>
 #include <gsh/photo/photo_pixels.hpp>
@@ -26,11 +28,17 @@ namespace gsh {
 
 /// Settings of a fit.
 struct PoseFitParams {
-    std::size_t steps = 100;
-    double ssim_weight = 0.2;
+    std::size_t steps = 60;
+    double ssim_weight = PhotometricParams<double>().ssim_weight;
     double mask_weight = 0;                    ///< of mean |alpha - mask|; for clothes in the background's colour
     std::array<double, 3> background{1, 1, 1}; ///< display-referred sRGB, as in training
     std::function<bool()> stop = {};           ///< called before each step if given; true ends the fit
+
+    template <class Self, class F>
+    static void for_each_setting(Self& self, const F& f) {
+        f("refine.test_steps", self.steps, SettingRange::at_least(0));
+        f("refine.test_mask_weight", self.mask_weight, SettingRange::at_least(0));
+    }
 };
 
 /// The result of a fit. Losses are means over the frame's photographs, without the motion's terms.
@@ -42,7 +50,7 @@ struct PoseFitReport {
 
 /// Fits pose, transl and expression of one frame by descending the photometric loss of its photographs.
 ///
-/// The increments that learn belong to the scene's motion, made with test_time_config(). Its rates, its pull to the
+/// The increments that learn belong to the scene's motion, made with test_time_params(). Its rates, its pull to the
 /// estimate and its terms between neighbouring frames therefore apply, and one motion serves a whole test sequence.
 /// Figures from fitted poses are figures of test-time refinement, and a report must state it.
 ///
@@ -70,7 +78,7 @@ public:
         scene.set_progress(0, 0);
         check_value(motion.learns_motion(frame), "PoseFit::fit",
                     "frame " + std::to_string(frame) +
-                        " does not learn; is it left out, or does it start later? see test_time_config");
+                        " does not learn; is it left out, or does it start later? see test_time_params");
         scene.prepare(frame);
         const PhotoPixels<B> pixels(*backend_, photos);
         PoseFitReport report;

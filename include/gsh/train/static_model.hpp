@@ -7,17 +7,20 @@
 #include <gsh/core/deferred.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/core/rng.hpp>
+#include <gsh/core/setting.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/gaussian/gaussians.hpp>
 #include <gsh/gaussian/splats.hpp>
 #include <gsh/gaussian/static_gaussian.hpp>
 #include <gsh/learn/density_control.hpp>
 #include <gsh/learn/learned_array.hpp>
+#include <gsh/loss/photometric_cache.hpp>
 #include <gsh/math/vec.hpp>
 #include <gsh/optim/schedule.hpp>
 #include <gsh/photo/photo.hpp>
 #include <gsh/render/raster_cache.hpp>
 #include <gsh/train/splat_scene.hpp>
+#include <gsh/train/train_params.hpp>
 
 #include <algorithm>
 #include <array>
@@ -39,27 +42,51 @@ struct StaticRates {
     double opacity_logits = 0.05;
     double sh = 2.5e-3;               ///< of the constant coefficient
     double sh_bands = sh_band_share;  ///< of higher bands, as a share of sh
+
+    template <class Self, class F>
+    static void for_each_setting(Self& self, const F& f) {
+        f("rate.means", self.means, SettingRange::at_least(0));
+        f("rate.final_means", self.final_means, SettingRange::at_least(0));
+        f("rate.quats", self.quats, SettingRange::at_least(0));
+        f("rate.log_scales", self.log_scales, SettingRange::at_least(0));
+        f("rate.opacity_logits", self.opacity_logits, SettingRange::at_least(0));
+        f("rate.sh", self.sh, SettingRange::at_least(0));
+        f("rate.sh_bands", self.sh_bands, SettingRange::at_least(0));
+    }
 };
 
-/// The settings of Kerbl et al., "3D Gaussian Splatting", 2023, for a run of 30,000 steps. static_config(steps) adapts
-/// them to another number of steps.
-struct StaticConfig {
+/// The settings of Kerbl et al., "3D Gaussian Splatting", 2023, for a run of 30,000 steps. static_model_params(steps)
+/// adapts them to another number of steps.
+struct StaticModelParams {
     std::int64_t steps = 30000; ///< after which the means' rate is final_means
     StaticRates rates = {};
     DensityParams density = {};
     int sh_degree = 3;                  ///< at the end; training starts with 0
     std::int64_t sh_interval = 1000;    ///< steps between degrees
     double extent = 0;                  ///< metres; 0: computed from the cameras, see scene_extent
-    double ssim_weight = 0.2;
+    double ssim_weight = PhotometricParams<double>().ssim_weight;
     std::array<double, 3> background{1, 1, 1}; ///< display-referred sRGB, in training and in test
     PixelFilter filter = {};            ///< the usual one, so that any viewer shows the PLY as trained
+
+    template <class Self, class F>
+    static void for_each_setting(Self& self, const F& f) {
+        StaticRates::for_each_setting(self.rates, f);
+        DensityParams::for_each_setting(self.density, f);
+        f("sh_degree", self.sh_degree, SettingRange::at_least(0).up_to(4));
+        f("sh_interval", self.sh_interval, SettingRange::at_least(1));
+        f("extent", self.extent, SettingRange::at_least(0));
+        f("ssim_weight", self.ssim_weight, SettingRange::share());
+        PixelFilter::for_each_setting(self.filter, f);
+    }
 };
+/// The name of StaticModelParams until now.
+using StaticConfig [[deprecated("use StaticModelParams")]] = StaticModelParams;
 
 /// The settings for another number of steps, in the same proportions as 3DGS's 30,000. A change still collects at least
 /// 25 views, and at least 250 steps lie between two resets of opacities.
-[[nodiscard]] inline StaticConfig static_config(std::int64_t steps) {
-    check_value(steps > 0, "static_config", "steps is " + std::to_string(steps) + ", expected at least 1");
-    StaticConfig config;
+[[nodiscard]] inline StaticModelParams static_model_params(std::int64_t steps) {
+    check_value(steps > 0, "static_model_params", "steps is " + std::to_string(steps) + ", expected at least 1");
+    StaticModelParams config;
     const auto scaled = [&](std::int64_t of_30000, std::int64_t least) {
         return std::max(least, of_30000 * steps / 30000);
     };
@@ -105,8 +132,8 @@ struct WidenSh {
 /// Gaussians of one moment that learn from photographs. Density control changes their number. Colours start with degree
 /// 0 of spherical harmonics and gain a degree every sh_interval steps. Every frame shows the same moment.
 ///
-/// Errors  ValueError: no Gaussians, more than max_gaussians, a degree beyond StaticConfig's; after a step, if pruning
-///         leaves none.
+/// Errors  ValueError: no Gaussians, more than max_gaussians, a degree beyond StaticModelParams's; after a step, if
+///         pruning leaves none.
 /// Source  Kerbl et al., "3D Gaussian Splatting for Real-Time Radiance Field Rendering", 2023.
 template <Backend B, std::floating_point T = float>
 class StaticModel : public PlainScene<B, T> {
@@ -119,7 +146,7 @@ public:
     /// `start` may have any degree up to the last one; initial_gaussians (setup/static_start.hpp) makes it. `extent` is
     /// in metres, see scene_extent. `seed` is the seed of the run.
     StaticModel(B& backend, const GaussianCloud<T>& start, double extent, std::uint64_t seed,
-                const StaticConfig& config = {})
+                const StaticModelParams& config = {})
         : backend_(&backend), config_(config), extent_(extent),
           density_(backend, config.density, extent, random_bits(seed, 1)) {
         constexpr const char* where = "StaticModel";
@@ -142,7 +169,7 @@ public:
 
     [[nodiscard]] std::size_t size() const { return gaussians_.size(); }
     [[nodiscard]] std::size_t frame_count() const { return std::numeric_limits<std::size_t>::max(); }
-    [[nodiscard]] const StaticConfig& config() const { return config_; }
+    [[nodiscard]] const StaticModelParams& config() const { return config_; }
     [[nodiscard]] double extent() const { return extent_; }
     /// The sum of all changes so far.
     [[nodiscard]] const DensityChange& total_change() const { return total_change_; }
@@ -224,7 +251,7 @@ private:
     static Span<T> numbers(auto& buffer) { return view_as<T>(Span(buffer.data(), buffer.size())); }
 
     B* backend_;
-    StaticConfig config_;
+    StaticModelParams config_;
     double extent_;
     DensityControl<B, T> density_;
     DensityChange total_change_;
@@ -232,5 +259,21 @@ private:
     Gaussians<B, T> gaussians_, gradient_, first_moment_, second_moment_;
     StaticSplatsCache<B, T> splats_cache_;
 };
+
+/// TrainParams of a static scene. Rates follow the model's own schedule, and the background is constant.
+[[nodiscard]] inline TrainParams train_params_of(const StaticModelParams& config) {
+    return {.decay_start = 1,
+            .final_rate = 1,
+            .ssim_weight = config.ssim_weight,
+            .background = config.background,
+            .random_background = false,
+            .filter = config.filter}; // without gains: of one photograph of each camera, they would be the mean
+}
+
+/// The seed for the Trainer of a static scene, which determines the order of the photographs. StaticModel takes `seed`
+/// itself.
+[[nodiscard]] inline std::uint64_t static_order_seed(std::uint64_t seed) {
+    return random_bits(seed, 2);
+}
 
 } // namespace gsh

@@ -19,7 +19,7 @@
 #include <gsh/train/splat_scene.hpp>
 #include <gsh/train/stage.hpp>
 #include <gsh/train/step_history.hpp>
-#include <gsh/train/train_config.hpp>
+#include <gsh/train/train_params.hpp>
 
 #include <cmath>
 #include <concepts>
@@ -32,7 +32,7 @@
 namespace gsh {
 
 /// The settings of a photograph's loss in a training.
-[[nodiscard]] inline PhotoLossParams photo_loss_params(const TrainConfig& config) {
+[[nodiscard]] inline PhotoLossParams photo_loss_params(const TrainParams& config) {
     return {.filter = config.filter,
             .ssim_weight = config.ssim_weight,
             .background = config.background,
@@ -57,22 +57,22 @@ public:
     /// The caller owns the scene and the photographs' pixels.
     /// Errors  ValueError: no photographs, a photograph of a frame that the scene does not have, settings or rates out
     ///         of range. ShapeError: images of another size than their cameras.
-    Trainer(B& backend, Scene& scene, std::vector<Photo> photos, std::uint64_t seed, const TrainConfig& config = {})
+    Trainer(B& backend, Scene& scene, std::vector<Photo> photos, std::uint64_t seed, const TrainParams& config = {})
         requires std::constructible_from<Loss, B&, PhotoLossParams>
         : Trainer(backend, scene, std::move(photos), seed, config, Loss(backend, photo_loss_params(config.checked()))) {
     }
     /// With another loss, for instance a PhotoLoss with another image loss or rasterizer, and perhaps another
     /// optimiser.
-    Trainer(B& backend, Scene& scene, std::vector<Photo> photos, std::uint64_t seed, const TrainConfig& config,
+    Trainer(B& backend, Scene& scene, std::vector<Photo> photos, std::uint64_t seed, const TrainParams& config,
             Loss loss, Optimizer optimizer = {})
         : Trainer(backend, scene, photos, seed, config, std::move(loss), std::move(optimizer),
                   Gains(backend, photos, config.gain)) {}
     /// The same with other gains.
-    Trainer(B& backend, Scene& scene, std::vector<Photo> photos, std::uint64_t seed, const TrainConfig& config,
+    Trainer(B& backend, Scene& scene, std::vector<Photo> photos, std::uint64_t seed, const TrainParams& config,
             Loss loss, Optimizer optimizer, Gains gains)
         : backend_(&backend), scene_(&scene), photos_(std::move(photos)), seed_(seed), config_(config.checked()),
-          pixels_(backend, photos_, photo_budget(backend, config_)), loss_(std::move(loss)),
-          gains_(std::move(gains)), repeated_(backend), history_(backend), optimizer_(std::move(optimizer)) {
+          pixels_(backend, photos_, photo_budget(backend, config_)), loss_(std::move(loss)), gains_(std::move(gains)),
+          repeated_(backend), history_(backend), optimizer_(std::move(optimizer)) {
         check_value(!photos_.empty(), "Trainer", "there are no photographs to train on");
         for (Photo& photo : photos_) {
             check_photo("Trainer", photo, scene.frame_count());
@@ -89,7 +89,7 @@ public:
     [[nodiscard]] Scene& scene() { return *scene_; }
     [[nodiscard]] const std::vector<Photo>& photos() const { return photos_; }
     [[nodiscard]] std::uint64_t seed() const { return seed_; }
-    [[nodiscard]] const TrainConfig& config() const { return config_; }
+    [[nodiscard]] const TrainParams& config() const { return config_; }
     /// Steps taken so far.
     [[nodiscard]] std::uint64_t step_count() const { return step_count_; }
     /// The progress of the last step.
@@ -113,7 +113,7 @@ public:
     }
 
     /// Takes one step. progress in [0, 1] is the share of the whole run that is over. Learning rates fall with it, see
-    /// TrainConfig::rate_factor. For a repeatable run, compute it from steps, not from seconds. observer.enter is
+    /// TrainParams::rate_factor. For a repeatable run, compute it from steps, not from seconds. observer.enter is
     /// called at the beginning of each stage, observer.leave at the end of the step.
     ///
     /// Settles after every most_unsettled_steps, so step_count() may be lower afterwards: a training of
@@ -269,7 +269,7 @@ private:
             throw GaussianError(message, error.gaussian());
         }
     }
-    [[nodiscard]] static std::uint64_t photo_budget([[maybe_unused]] const B& backend, const TrainConfig& config) {
+    [[nodiscard]] static std::uint64_t photo_budget([[maybe_unused]] const B& backend, const TrainParams& config) {
         if (config.photo_memory != 0) return config.photo_memory;
         if constexpr (requires { backend.free_memory(); }) return backend.free_memory() / 2;
         else return PhotoPixels<B>::no_limit;
@@ -290,7 +290,7 @@ private:
     Scene* scene_;
     std::vector<Photo> photos_;
     std::uint64_t seed_;
-    TrainConfig config_;
+    TrainParams config_;
     PhotoPixels<B> pixels_;
     Loss loss_;
     Gains gains_;

@@ -92,7 +92,7 @@ TEST_CASE("Too little device memory is told with what is needed, what is free, a
     CHECK_THROWS_WITH_AS(Device::Buffer<float>(std::size_t(25) << 20),
                          "gsh::cuda::Buffer::resize: 100.0 MiB of device memory are needed, 64.0 MiB of 64.0 MiB are "
                          "free; lower the number of Gaussians, the size of the images or that of the tables, or "
-                         "TrainConfig::photo_memory (--max-memory of the programs)",
+                         "TrainParams::photo_memory (--max-memory of the programs)",
                          DeviceError);
     machine.is.next_error = cudaErrorLaunchFailure; // of a kernel before
     CHECK_THROWS_WITH_AS(Device::Buffer<float>(1), doctest::Contains("cudaErrorLaunchFailure"), DeviceError);

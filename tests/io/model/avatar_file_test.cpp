@@ -86,20 +86,17 @@ struct ShadedTraining {
     AvatarScene<cpu::Serial, Model> people;
     Trainer<cpu::Serial, AvatarScene<cpu::Serial, Model>> trainer;
 
-    explicit ShadedTraining(AmbientOcclusion ao, int hidden_layers = 2, double normal_rate = 0,
+    explicit ShadedTraining(const std::string& ao, int hidden_layers = 2, double normal_rate = 0,
                             const std::optional<LightData>& light = {})
-        : model(make_avatar<cpu::Serial, float, 4, 2, 1>(backend, rig, samples, scene.motion.frame_count(), 3,
-                                                         {.hash_base = 4,
-                                                          .hash_growth = 2,
-                                                          .hash_table_size = 1024,
-                                                          .mlp_width = 16,
-                                                          .mlp_hidden_layers = hidden_layers,
-                                                          .ao = ao,
-                                                          .ao_width = 16,
-                                                          .ao_table_size = 1024,
-                                                          .largest_ao = 1.2,
-                                                          .rates = {.light_normals = normal_rate}},
-                                                         {}, test::lit_by(backend, light))),
+        : model(make_avatar<cpu::Serial, float, 4, 2, 1>(
+              backend, rig, samples, scene.motion.frame_count(), 3,
+              {.appearance = {.field = {.grid = {.base = 4, .growth = 2, .table_size = 1024},
+                                        .width = 16,
+                                        .hidden_layers = hidden_layers}},
+               .ao = ao,
+               .occlusion = {.grid = {.table_size = 1024}, .width = 16, .largest = 1.2},
+               .model = {.normal_offset_rate = normal_rate}},
+              {}, test::lit_by(backend, light))),
           people(backend, model, scene.motion), trainer(backend, people, scene.photos, 3) {
         for (int i = 0; i < 12; ++i) trainer.step(0.9);
     }
@@ -203,7 +200,7 @@ TEST_CASE("shadows that follow the pose come back from a file and fall on a new 
 }
 
 TEST_CASE("a light comes back from a file and shades a new motion as in training, with or without an occlusion field") {
-    for (const AmbientOcclusion ao : {AmbientOcclusion::none, AmbientOcclusion::pose}) {
+    for (const std::string ao : {AmbientOcclusion::none, AmbientOcclusion::pose}) {
         ShadedTraining training(ao, 1, 5e-3, even_light(2, 3, {0, 0.8, 0}, 3));
         for (int i = 0; i < 3; ++i) training.trainer.step(0.9);
         const AvatarData saved = training.avatar();

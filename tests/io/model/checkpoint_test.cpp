@@ -29,14 +29,15 @@ struct Everything {
     MotionRefinement<cpu::Serial> refinement;
 
     explicit Everything(const SmallScene& scene)
-        : training(scene, cpu::Serial(), 3, {.head_time = true, .ao = AmbientOcclusion::time, .ao_start = 0.3}),
+        : training(scene, cpu::Serial(), 3,
+                   {.head_time = true, .ao = AmbientOcclusion::time, .model = {.occlusion_start = 0.3}}),
           refinement(training.backend, training.rig, scene.motion, scene.cameras, config()) {
         training.people.refine(refinement);
     }
     Everything(const Everything&) = delete;
 
-    static RefinementConfig config() {
-        RefinementConfig config;
+    static RefinementParams config() {
+        RefinementParams config;
         config.pose = {.rate = 2e-3, .start = 0.1, .terms = {.pull = 1e-3, .acceleration = 1e-2}};
         config.transl = {.rate = 5e-4, .start = 0.1, .terms = {.pull = 1e-3}};
         config.expression = {.rate = 5e-3, .start = 0.2, .terms = {.pull = 1e-3}};
@@ -187,7 +188,7 @@ TEST_CASE("a refinement of other frames or cameras is refused, and nothing is ta
     training.run(0, 6);
     training.save(file.path);
     MotionRefinement<cpu::Serial> fewer(training.training.backend, training.training.rig, scene.motion, {},
-                                        RefinementConfig());
+                                        RefinementParams());
     const auto before = fewer.state();
     const ArchiveReader reader(file.path, "checkpoint", checkpoint_version);
     CHECK_THROWS_AS(load_refinement(reader, fewer), ShapeError);

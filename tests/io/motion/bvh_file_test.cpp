@@ -230,7 +230,7 @@ TEST_CASE("a file that is cut or changed anywhere is read or refused, never anyt
     CHECK(refused > text.size() * 9 / 10);
     const auto sample = test::sample_rig({.units = 100, .frames = 2});
     test::read_damaged(test::bvh_text(sample), folder / "rig.bvh", 61, 600, [](const auto& path) {
-        RetargetOptions options;
+        RetargetParams options;
         options.where = path.string();
         (void)retarget(load_bvh(path), test::skeleton_body(), {}, options);
     });

@@ -376,7 +376,7 @@ TEST_CASE("a file that is cut or changed anywhere is read or refused, never anyt
     const test::Temporary folder;
     const auto files = test::gltf_of(test::sample_rig({.spine = 1, .toes = false, .frames = 2}), {.skin = true});
     const auto read = [](const auto& path) {
-        RetargetOptions options;
+        RetargetParams options;
         options.where = path.string();
         (void)retarget(load_gltf_motion(path), test::skeleton_body(), {}, options);
     };

@@ -64,7 +64,7 @@ TEST_CASE("the steps of a fit do not wait for the device") {
         Device device;
         Avatar<Device> avatar(device, scene.avatar);
         PoseFit<Device> fit(device, scene.avatar.filter, {.steps = steps, .mask_weight = 0.3});
-        MotionRefinement<Device> motion(device, scene.avatar.rig, scene.estimate(), {}, test_time_config());
+        MotionRefinement<Device> motion(device, scene.avatar.rig, scene.estimate(), {}, test_time_params());
         FrozenAvatar<Device> frozen(avatar, motion);
         const std::uint64_t before = CudaEmulation::instance().waits;
         CHECK(fit.fit(frozen, frame, scene.observe(frame)).steps == steps);
@@ -82,7 +82,7 @@ TEST_CASE("a fit whose buffers overflow takes the failed steps again, with the b
         Device device;
         Avatar<Device> avatar(device, scene.avatar);
         PoseFit<Device> fit(device, scene.avatar.filter, {.steps = steps});
-        MotionRefinement<Device> motion(device, scene.avatar.rig, scene.estimate(), {}, test_time_config());
+        MotionRefinement<Device> motion(device, scene.avatar.rig, scene.estimate(), {}, test_time_params());
         GrowingAvatar growing(device, avatar, motion, from);
         growing.set_progress(large_from_the_start ? from : 0, 0);
         (void)fit.mean_loss(growing, frame, scene.observe(frame));

@@ -160,7 +160,7 @@ TEST_CASE("steps after an overflow change nothing, and are taken again with the 
     const SmallScene& scene = far.scene;
     const auto train = [&](bool large_from_the_start) {
         SmallTraining<Device> training(scene, [] { return Device(); }, far.seed, {.ao = AmbientOcclusion::time});
-        MotionRefinement<Device> refinement(training.backend, training.rig, scene.motion, {}, test_time_config());
+        MotionRefinement<Device> refinement(training.backend, training.rig, scene.motion, {}, test_time_params());
         training.people.refine(refinement);
         auto& trainer = training.trainer;
         const std::size_t near = far.near_step(trainer);

@@ -66,7 +66,7 @@ TEST_CASE("an avatar trains in mixed precision nearly as in float, with the same
 TEST_CASE("photographs beyond the budget are brought ahead of their steps, which stay the same") {
     if (skip_without_device()) return;
     const SmallScene scene;
-    const AvatarConfig config{.ao = AmbientOcclusion::time};
+    const ConfiguredAvatarParams config{.ao = AmbientOcclusion::time};
     const Outcome expected = train_avatar<Device>(scene, config, 10);
     for (const std::uint64_t budget : {std::uint64_t(1), std::uint64_t(2 * scene.photos[0].rgba.size())}) {
         CAPTURE(budget);
@@ -82,12 +82,12 @@ TEST_CASE("photographs beyond the budget are brought ahead of their steps, which
 TEST_CASE("so do shadows over the pose, stored attributes, separate heads and other deformations") {
     if (skip_without_device()) return;
     const SmallScene scene;
-    const AvatarConfig configs[] = {
+    const ConfiguredAvatarParams configs[] = {
         {.ao = AmbientOcclusion::pose},
-        {.hash_displacement = false, .hash_sh = false, .deformation = Deformation::polar},
-        {.heads = Heads::separate, .head_time = true, .deformation = Deformation::dual_quaternion}};
-    for (const AvatarConfig& config : configs) {
-        CAPTURE(static_cast<int>(config.deformation));
+        {.hash_displacement = false, .hash_sh = false, .model = {.deformation = Deformation::polar}},
+        {.heads = Heads::separate, .head_time = true, .model = {.deformation = Deformation::dual_quaternion}}};
+    for (const ConfiguredAvatarParams& config : configs) {
+        CAPTURE(static_cast<int>(config.model.deformation));
         check_near(train_avatar<Device>(scene, config), train_avatar<cpu::Serial>(scene, config));
     }
 }

@@ -105,7 +105,7 @@ inline void refuse_growth_in_capture() {
     throw DeviceError(std::string(where) + ": " + in_mebibytes(bytes) + " of device memory are needed, " +
                       in_mebibytes(free) + " of " + in_mebibytes(total) +
                       " are free; lower the number of Gaussians, the size of the images or that of the tables, or "
-                      "TrainConfig::photo_memory (--max-memory of the programs)");
+                      "TrainParams::photo_memory (--max-memory of the programs)");
 }
 
 } // namespace detail

@@ -3,7 +3,7 @@
 #pragma once
 
 #include <gsh/body/joint_names.hpp>
-#include <gsh/body/rig_pose.hpp>
+#include <gsh/body/rest_pose.hpp>
 #include <gsh/body/skeleton.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/core/span.hpp>

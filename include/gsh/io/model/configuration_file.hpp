@@ -5,7 +5,7 @@
 #include <gsh/core/error.hpp>
 #include <gsh/io/file/settings_file.hpp>
 #include <gsh/setup/configuration.hpp>
-#include <gsh/setup/static_configuration.hpp>
+#include <gsh/train/static_model.hpp>
 
 #include <cstdint>
 #include <filesystem>
@@ -25,10 +25,8 @@ struct SettingsFile {
 
     explicit SettingsFile(const std::filesystem::path& file) : path(file.string()) {
         for (auto& [key, text] : read_settings(file)) {
-            if (key == "configuration")
-                configuration = text;
-            else
-                settings.emplace_back(key, text);
+            if (key == "configuration") configuration = text;
+            else settings.emplace_back(key, text);
         }
     }
     template <class C>
@@ -84,8 +82,8 @@ struct SettingsFile {
 /// The settings of a static scene for a run of `steps` steps, changed by those in a file if the argument is a path.
 ///
 /// Errors  those of read_configuration.
-[[nodiscard]] inline StaticConfig find_static_configuration(const std::string& name_or_path, std::int64_t steps) {
-    StaticConfig config = static_config(steps);
+[[nodiscard]] inline StaticModelParams find_static_configuration(const std::string& name_or_path, std::int64_t steps) {
+    StaticModelParams config = static_model_params(steps);
     if (detail::is_configuration_file(name_or_path)) detail::SettingsFile(name_or_path).set(config);
     return config;
 }

@@ -3,8 +3,8 @@
 #pragma once
 
 #include <gsh/body/joint_map.hpp>
+#include <gsh/body/rest_pose.hpp>
 #include <gsh/body/rig_motion.hpp>
-#include <gsh/body/rig_pose.hpp>
 #include <gsh/body/rig_up.hpp>
 #include <gsh/body/turned_limbs.hpp>
 #include <gsh/core/error.hpp>
@@ -255,10 +255,8 @@ private:
             mat3<double> local(1.0);
             for (const int channel : joints_[j].channels) {
                 const double number = numbers[n++];
-                if (channel < 3)
-                    place[channel] = number;
-                else
-                    local = local * axis_rotation(channel - 3, number * (std::numbers::pi / 180));
+                if (channel < 3) place[channel] = number;
+                else local = local * axis_rotation(channel - 3, number * (std::numbers::pi / 180));
             }
             joints_[j].positions += place;
             if (rig_.parents[j] >= 0) {

@@ -2,7 +2,7 @@
 /// @file  The warning of a reader of motions that guessed the unit of lengths.
 #pragma once
 
-#include <gsh/body/rig_pose.hpp>
+#include <gsh/body/rest_pose.hpp>
 #include <gsh/io/file/text_lines.hpp>
 
 #include <string>

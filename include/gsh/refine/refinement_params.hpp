@@ -3,6 +3,7 @@
 #pragma once
 
 #include <gsh/core/error.hpp>
+#include <gsh/core/setting.hpp>
 #include <gsh/loss/motion_terms.hpp>
 #include <gsh/optim/adam.hpp>
 
@@ -43,7 +44,7 @@ struct RefinedGroup {
 };
 
 /// Settings of a refinement.
-struct RefinementConfig {
+struct RefinementParams {
     RefinedGroup pose{.rate = 2e-3, .start = 0.1, .terms = {.pull = 1e-3}};
     RefinedGroup transl{.rate = 5e-4, .start = 0.1, .terms = {.pull = 1e-3}};
     RefinedGroup expression{.rate = 5e-3, .start = 0.1, .terms = {.pull = 1e-5}};
@@ -54,11 +55,36 @@ struct RefinementConfig {
     RefinedGroup camera_focal{.terms = {.pull = 1e-3}};
     RefinedGroup camera_principal_point{.terms = {.pull = 1e-9}};
     double final_rate = 0.1;                   ///< final share of each group's rate
+    double finger_rate = 1;                    ///< factor on the pose's rate at fingers, see joint_rates()
+    double face_rate = 1;                      ///< the same at jaw and eyes
     std::vector<double> joint_rates = {};      ///< [J] factors on the pose's rate; empty: all 1
     std::vector<std::size_t> left_out = {};    ///< test frames: they do not learn, and terms between frames skip them
     std::vector<std::size_t> fixed_cameras{0}; ///< cameras that do not learn
     double longest_gap = 3.5;                  ///< in typical intervals; frames further apart are not neighbours
     Adam adam{.beta1 = 0.9, .beta2 = 0.99}; ///< a row takes about a hundred steps: a shorter memory of squares
+
+    template <class Self, class F>
+    static void for_each_setting(Self& self, const F& f) {
+        const auto group = [&](const std::string& name, auto& how, bool in_time) {
+            f(name + ".rate", how.rate, SettingRange::at_least(0));
+            f(name + ".start", how.start, SettingRange::at_least(0));
+            f(name + ".pull", how.terms.pull, SettingRange::at_least(0));
+            if (!in_time) return;
+            f(name + ".drift", how.terms.drift, SettingRange::at_least(0));
+            f(name + ".acceleration", how.terms.acceleration, SettingRange::at_least(0));
+        };
+        group("refine.pose", self.pose, true);
+        group("refine.transl", self.transl, true);
+        group("refine.expression", self.expression, true);
+        group("refine.betas", self.betas, false);
+        group("refine.camera_rotation", self.camera_rotation, false);
+        group("refine.camera_translation", self.camera_translation, false);
+        group("refine.camera_focal", self.camera_focal, false);
+        group("refine.camera_principal_point", self.camera_principal_point, false);
+        f("refine.fingers", self.finger_rate, SettingRange::at_least(0));
+        f("refine.face", self.face_rate, SettingRange::at_least(0));
+        f("refine.final", self.final_rate, SettingRange::above(0).up_to(1));
+    }
 
     [[nodiscard]] const RefinedGroup& operator[](RefinementGroup group) const {
         switch (group) {
@@ -76,11 +102,13 @@ struct RefinementConfig {
         return camera_principal_point;
     }
 };
+/// The name of RefinementParams until now.
+using RefinementConfig [[deprecated("use RefinementParams")]] = RefinementParams;
 
 /// Throws ShapeError or ValueError unless rates, starts and weights are finite and not negative, final_rate is in
 /// (0, 1], joint_rates has one factor per joint, and the fixed cameras exist. `left_out` is checked by link_frames.
 /// `where` appears in the message.
-inline void validate(const RefinementConfig& config, std::size_t joint_count, std::size_t camera_count,
+inline void validate(const RefinementParams& config, std::size_t joint_count, std::size_t camera_count,
                      std::string_view where) {
     for (std::size_t g = 0; g < refinement_group_count; ++g) {
         const RefinedGroup& group = config[static_cast<RefinementGroup>(g)];
@@ -108,14 +136,14 @@ inline void validate(const RefinementConfig& config, std::size_t joint_count, st
 
 /// Settings for frames that training has not used. Each is refined alone, with a fixed avatar. Only the frame's own
 /// rows learn, from the first step on, at twice the rate, because nothing else moves.
-[[nodiscard]] inline RefinementConfig test_time_config(RefinementConfig config = {}) {
+[[nodiscard]] inline RefinementParams test_time_params(RefinementParams config = {}) {
     config.left_out.clear();
     config.betas.rate = config.pose_bias.rate = config.transl_bias.rate = 0;
     for (RefinedGroup* group : {&config.pose, &config.transl, &config.expression}) group->start = 0, group->rate *= 2;
     return config;
 }
 
-/// Factors for RefinementConfig::joint_rates, with own factors for fingers and for jaw and eyes. Bodies of 55 joints
+/// Factors for RefinementParams::joint_rates, with own factors for fingers and for jaw and eyes. Bodies of 55 joints
 /// (SMPL-X) have both, bodies of 52 (SMPL-H) have fingers, all others have neither.
 [[nodiscard]] inline std::vector<double> joint_rates(std::size_t joint_count, double fingers, double face = 1) {
     std::vector<double> rates(joint_count, 1);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 /// @file  Measures of a rig's pose: turns, axes, heights and units.
-#include <gsh/body/rig_pose.hpp>
+#include <gsh/body/rest_pose.hpp>
 
 #include "io/temporary.hpp"
 #include "support/sample_rig.hpp"

@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Shadows from a field over the canonical points and the time, or over the points and the pose.
+/// @file  Ambient occlusion from a field over the canonical points and the time, or over the points and the pose.
 #pragma once
 
 #include <gsh/avatar/occlusion_field.hpp>
 #include <gsh/backend/backend.hpp>
 #include <gsh/core/error.hpp>
+#include <gsh/core/setting.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/field/features.hpp>
 #include <gsh/field/mlp.hpp>
@@ -15,7 +16,7 @@
 #include <gsh/math/activation.hpp>
 #include <gsh/math/vec.hpp>
 #include <gsh/model/canonical_points.hpp>
-#include <gsh/model/shadow.hpp>
+#include <gsh/model/occlusion.hpp>
 
 #include <concepts>
 #include <cstddef>
@@ -24,13 +25,25 @@
 
 namespace gsh {
 
-/// Settings of a shadow from a field.
-struct FieldShadowParams {
-    FieldParams field;
-    double largest = 2; ///< upper bound of ao; above 1, a shadow can also brighten the colours learned before it began
+/// Settings of ambient occlusion from a field.
+struct FieldOcclusionParams {
+    HashGridParams grid = {};
+    int width = 32; ///< neurons of a hidden layer
+    int hidden_layers = FieldParams().hidden_layers;
+    double largest = 2; ///< upper bound of ao; above 1, ao can also brighten the colours learned before it began
     double initial = 1; ///< ao of every Gaussian before the first step
     double rate = 5e-3; ///< of table and network
     std::uint64_t seed = 0;
+
+    template <class Self, class F>
+    static void for_each_setting(Self& self, const F& f) {
+        f("ao.growth", self.grid.growth, SettingRange::at_least(1));
+        f("ao.width", self.width, SettingRange::at_least(1));
+        f("ao.table_size", self.grid.table_size, SettingRange::power_of_two());
+        f("ao.initial", self.initial, SettingRange::above(0));
+        f("ao.largest", self.largest, SettingRange::above(0));
+        f("rate.ao", self.rate, SettingRange::at_least(0));
+    }
 };
 
 namespace detail {
@@ -38,21 +51,20 @@ namespace detail {
 /// ao = largest · sigmoid(field(x₀, code) + logit(initial / largest)). The code is the same for every point. The field
 /// starts at zero, so that ao is `initial` everywhere at first.
 template <Backend B, std::floating_point T, int Levels, int Features>
-class ShadowField {
+class FieldOcclusion {
 public:
     using Field = LearnedField<B, T, Levels, Features>;
     using Grid = typename Field::Grid;
 
-    ShadowField(B& backend, const CanonicalPoints<B, T>& points, const FieldShadowParams& params,
-                std::size_t code_size)
-        : backend_(&backend), params_(params),
-          field_(backend, params_of_field(params, code_size)) {
-        check_value(params.initial > 0 && params.initial < params.largest, "FieldShadowParams",
+    FieldOcclusion(B& backend, const CanonicalPoints<B, T>& points, const FieldOcclusionParams& params,
+                   std::size_t code_size)
+        : backend_(&backend), params_(params), field_(backend, params_of_field(params, code_size)) {
+        check_value(params.initial > 0 && params.initial < params.largest, "FieldOcclusionParams",
                     "initial must lie between 0 and largest");
         field_.field().prepare(backend, points.unit(), query_);
         field_.silence_outputs();
     }
-    [[nodiscard]] static PartSize size(const FieldShadowParams& params, std::size_t code_size) {
+    [[nodiscard]] static PartSize size(const FieldOcclusionParams& params, std::size_t code_size) {
         PartSize size = Field::size(params_of_field(params, code_size));
         size.queries = 1;
         return size;
@@ -96,13 +108,14 @@ public:
     }
 
 private:
-    [[nodiscard]] static typename Field::Params params_of_field(const FieldShadowParams& params,
+    /// The arrays keep their first name, shadow_field, so that checkpoints stay readable.
+    [[nodiscard]] static typename Field::Params params_of_field(const FieldOcclusionParams& params,
                                                                 std::size_t code_size) {
         return {.name = "shadow_field",
-                .sizes = params.field,
+                .sizes = {params.grid, params.width, params.hidden_layers},
                 .outputs = 1,
                 .shared_inputs = code_size,
-                .start = {params.seed, field_stream::shadow}};
+                .start = {params.seed, field_stream::occlusion}};
     }
     [[nodiscard]] double bias() const { return logit(params_.initial / params_.largest); }
     void logit_backward(Span<const T> ao, Span<T> dL_dao) {
@@ -110,7 +123,7 @@ private:
     }
 
     B* backend_;
-    FieldShadowParams params_;
+    FieldOcclusionParams params_;
     Field field_;
     typename Field::Query query_;
     typename B::template Buffer<T> unused_; // gradient of the network, not used
@@ -118,55 +131,63 @@ private:
 
 } // namespace detail
 
-/// Shadows over the time: ao_i = field(x₀, γ(t)). In a new motion each Gaussian has its mean over the training frames.
+/// Ambient occlusion over the time: ao_i = field(x₀, γ(t)). In a new motion each Gaussian has its mean over the
+/// training frames.
 ///
 /// Source  paper §3.4, equations 15 and 16.
 template <Backend B, std::floating_point T = float, int Levels = 16, int Features = 4>
-class TimeShadow : public PlainShadow<B, T> {
+class TimeOcclusion : public PlainOcclusion<B, T> {
 public:
-    TimeShadow(B& backend, const CanonicalPoints<B, T>& points, std::size_t frame_count,
-               const FieldShadowParams& params = {})
+    TimeOcclusion(B& backend, const CanonicalPoints<B, T>& points, std::size_t frame_count,
+                  const FieldOcclusionParams& params = {})
         : codes_(backend, frame_count), field_(backend, points, params, codes_.size()) {}
-    [[nodiscard]] static PartSize size(const FieldShadowParams& params, std::size_t frame_count) {
-        return detail::ShadowField<B, T, Levels, Features>::size(params, FrameCodes<B, T>::code_size(frame_count));
+    TimeOcclusion(B& backend, const CanonicalPoints<B, T>& points, const OcclusionSizes& sizes,
+                  const FieldOcclusionParams& params)
+        : TimeOcclusion(backend, points, sizes.frame_count, params) {}
+    [[nodiscard]] static PartSize size(const FieldOcclusionParams& params, const OcclusionSizes& sizes) {
+        return detail::FieldOcclusion<B, T, Levels, Features>::size(params,
+                                                                    FrameCodes<B, T>::code_size(sizes.frame_count));
     }
 
-    void forward(const ShadowInput<B, T>& input, Span<T> ao) { field_.forward(codes_[input.frame], ao); }
-    void backward(const ShadowInput<B, T>& input, Span<const T> ao, Span<T> dL_dao, Span<vec3<T>>) {
+    void forward(const OcclusionInput<B, T>& input, Span<T> ao) { field_.forward(codes_[input.frame], ao); }
+    void backward(const OcclusionInput<B, T>& input, Span<const T> ao, Span<T> dL_dao, Span<vec3<T>>) {
         field_.backward(codes_[input.frame], ao, dL_dao, {});
     }
     [[nodiscard]] LearnedArrays<T> learned() { return field_.learned(); }
 
 private:
     FrameCodes<B, T> codes_;
-    detail::ShadowField<B, T, Levels, Features> field_;
+    detail::FieldOcclusion<B, T, Levels, Features> field_;
 };
 
-/// Shadows over the pose: ao_i = field(x₀, vec(R - I)). R are the rotations of all joints but the root, relative to
-/// their parents. The shadow follows a pose that is refined, and a new motion.
+/// Ambient occlusion over the pose: ao_i = field(x₀, vec(R - I)). R are the rotations of all joints but the root,
+/// relative to their parents. ao follows a pose that is refined, and a new motion.
 ///
 /// Source  the paper's ambient occlusion, §3.4, with the pose in place of γ(t).
 template <Backend B, std::floating_point T = float, int Levels = 16, int Features = 4>
-class PoseShadow {
+class PoseOcclusion {
 public:
-    PoseShadow(B& backend, const CanonicalPoints<B, T>& points, std::size_t pose_feature_count,
-               const FieldShadowParams& params = {})
+    PoseOcclusion(B& backend, const CanonicalPoints<B, T>& points, std::size_t pose_feature_count,
+                  const FieldOcclusionParams& params = {})
         : backend_(&backend), feature_(pose_feature_count), field_(backend, points, params, pose_feature_count) {}
-    [[nodiscard]] static PartSize size(const FieldShadowParams& params, std::size_t pose_feature_count) {
-        return detail::ShadowField<B, T, Levels, Features>::size(params, pose_feature_count);
+    PoseOcclusion(B& backend, const CanonicalPoints<B, T>& points, const OcclusionSizes& sizes,
+                  const FieldOcclusionParams& params)
+        : PoseOcclusion(backend, points, sizes.pose_feature_count, params) {}
+    [[nodiscard]] static PartSize size(const FieldOcclusionParams& params, const OcclusionSizes& sizes) {
+        return detail::FieldOcclusion<B, T, Levels, Features>::size(params, sizes.pose_feature_count);
     }
 
-    [[nodiscard]] bool casts() const { return true; }
+    [[nodiscard]] bool occludes() const { return true; }
     [[nodiscard]] bool follows_pose() const { return true; }
-    void forward(const ShadowInput<B, T>& input, Span<T> ao) {
+    void forward(const OcclusionInput<B, T>& input, Span<T> ao) {
         input.skeleton.feature(input.rotations, feature_);
         field_.forward(feature_, ao);
     }
-    void backward(const ShadowInput<B, T>& input, Span<const T> ao, Span<T> dL_dao, Span<vec3<T>> dL_dpose) {
+    void backward(const OcclusionInput<B, T>& input, Span<const T> ao, Span<T> dL_dao, Span<vec3<T>> dL_dpose) {
         field_.backward(feature_, ao, dL_dao, dL_dpose.empty() ? Span<T>() : start_feature_gradient());
         if (!dL_dpose.empty()) feature_backward(input, dL_dpose);
     }
-    void backward_to_pose(const ShadowInput<B, T>& input, Span<const T> ao, Span<T> dL_dao, Span<vec3<T>> dL_dpose) {
+    void backward_to_pose(const OcclusionInput<B, T>& input, Span<const T> ao, Span<T> dL_dao, Span<vec3<T>> dL_dpose) {
         field_.backward_to_code(feature_, ao, dL_dao, start_feature_gradient());
         feature_backward(input, dL_dpose);
     }
@@ -182,7 +203,7 @@ private:
         backend_->fill(Span<T>(dL_dfeature_), T(0));
         return dL_dfeature_;
     }
-    void feature_backward(const ShadowInput<B, T>& input, Span<vec3<T>> dL_dpose) {
+    void feature_backward(const OcclusionInput<B, T>& input, Span<vec3<T>> dL_dpose) {
         dL_drotations_.resize(input.rotations.size());
         backend_->fill(Span<mat3<T>>(dL_drotations_), mat3<T>(T(0)));
         input.skeleton.feature_backward(dL_dfeature_, dL_drotations_);
@@ -192,7 +213,14 @@ private:
     B* backend_;
     typename B::template Buffer<T> feature_, dL_dfeature_; // [9 (J - 1)]
     typename B::template Buffer<mat3<T>> dL_drotations_;   // [J]
-    detail::ShadowField<B, T, Levels, Features> field_;
+    detail::FieldOcclusion<B, T, Levels, Features> field_;
 };
+
+/// Names until now.
+using FieldShadowParams [[deprecated("use FieldOcclusionParams")]] = FieldOcclusionParams;
+template <Backend B, std::floating_point T = float, int Levels = 16, int Features = 4>
+using TimeShadow [[deprecated("use TimeOcclusion")]] = TimeOcclusion<B, T, Levels, Features>;
+template <Backend B, std::floating_point T = float, int Levels = 16, int Features = 4>
+using PoseShadow [[deprecated("use PoseOcclusion")]] = PoseOcclusion<B, T, Levels, Features>;
 
 } // namespace gsh

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  A small body in a pose for shadows, and a scalar of their ambient occlusion with its adjoint.
+/// @file  A small body in a pose for occlusion policies, and a scalar of their ambient occlusion with its adjoint.
 #pragma once
 
 #include <gsh/avatar/rig.hpp>
 #include <gsh/body/surface_samples.hpp>
 #include <gsh/cpu.hpp>
 #include <gsh/model/canonical_points.hpp>
-#include <gsh/model/field_shadow.hpp>
-#include <gsh/model/shadow.hpp>
+#include <gsh/model/field_occlusion.hpp>
+#include <gsh/model/occlusion.hpp>
 
 #include "support/bodies.hpp"
 #include "support/gradient.hpp"
@@ -21,7 +21,7 @@ namespace gsh::test {
 
 /// A tube's rig, its points, and one pose.
 template <class B>
-struct ShadowScene {
+struct OcclusionScene {
     static constexpr std::size_t frames = 5;
 
     B backend;
@@ -34,7 +34,7 @@ struct ShadowScene {
     typename Rig<B, double>::Cache cache;
     std::vector<double> weights; // dL_dao
 
-    explicit ShadowScene(B where = B())
+    explicit OcclusionScene(B where = B())
         : backend(std::move(where)), rig(backend, data), points(backend, samples.positions) {
         Rng rng(7);
         Motion motion = rest_motion(data);
@@ -44,37 +44,39 @@ struct ShadowScene {
     }
     [[nodiscard]] std::size_t size() const { return samples.size(); }
     [[nodiscard]] std::size_t pose_feature_count() const { return data.body.pose_feature_count(); }
-    static FieldShadowParams params() {
-        return {.field = {.base = 3, .growth = 1.6, .table_size = 64, .width = 8, .hidden_layers = 1},
+    static FieldOcclusionParams params() {
+        return {.grid = {.base = 3, .growth = 1.6, .table_size = 64},
+                .width = 8,
+                .hidden_layers = 1,
                 .largest = 1.7,
                 .initial = 0.9,
                 .seed = 5};
     }
 
-    ShadowInput<B, double> input(std::size_t frame = 2) {
+    OcclusionInput<B, double> input(std::size_t frame = 2) {
         rig.forward(pose, data.joints, cache);
         return {frame, rig.skeleton(), pose.pose, cache.rotations};
     }
-    std::vector<double> ao_of(auto& shadow, std::size_t frame = 2) {
+    std::vector<double> ao_of(auto& occlusion, std::size_t frame = 2) {
         std::vector<double> ao(size());
-        shadow.forward(input(frame), ao);
+        occlusion.forward(input(frame), ao);
         return ao;
     }
-    double loss(auto& shadow) {
-        const std::vector<double> ao = ao_of(shadow);
+    double loss(auto& occlusion) {
+        const std::vector<double> ao = ao_of(occlusion);
         double sum = 0;
         for (std::size_t i = 0; i < ao.size(); ++i) sum += weights[i] * ao[i];
         return sum;
     }
-    void backward(auto& shadow, Span<vec3<double>> dL_dpose) {
-        const std::vector<double> ao = ao_of(shadow);
+    void backward(auto& occlusion, Span<vec3<double>> dL_dpose) {
+        const std::vector<double> ao = ao_of(occlusion);
         std::vector<double> dL_dao = weights; // is overwritten
-        shadow.backward(input(), ao, dL_dao, dL_dpose);
+        occlusion.backward(input(), ao, dL_dao, dL_dpose);
     }
-    void backward_to_pose(auto& shadow, Span<vec3<double>> dL_dpose) {
-        const std::vector<double> ao = ao_of(shadow);
+    void backward_to_pose(auto& occlusion, Span<vec3<double>> dL_dpose) {
+        const std::vector<double> ao = ao_of(occlusion);
         std::vector<double> dL_dao = weights;
-        shadow.backward_to_pose(input(), ao, dL_dao, dL_dpose);
+        occlusion.backward_to_pose(input(), ao, dL_dao, dL_dpose);
     }
 };
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 /// @file  Posing on a GPU agrees with the reference backend, forward and backward.
-#include <gsh/avatar/cuda/skinned_gaussian.cuh>
-#include <gsh/avatar/skinned_gaussian.hpp>
+#include <gsh/avatar/cuda/skinned_splats.cuh>
+#include <gsh/avatar/skinned_splats.hpp>
 #include <gsh/math/rotation.hpp>
 
 #include <doctest/doctest.h>
@@ -19,7 +19,7 @@
 #include <utility>
 #include <vector>
 
-namespace gsh::skinned_gaussian_on_device {
+namespace gsh::skinned_splats_on_device {
 namespace {
 
 using cuda::Device;
@@ -336,4 +336,4 @@ TEST_CASE("a step with the same sizes allocates nothing and waits for nothing") 
 }
 
 } // namespace
-} // namespace gsh::skinned_gaussian_on_device
+} // namespace gsh::skinned_splats_on_device

@@ -4,6 +4,7 @@
 
 #include <gsh/core/error.hpp>
 #include <gsh/core/rng.hpp>
+#include <gsh/core/setting.hpp>
 #include <gsh/gaussian/splats.hpp>
 #include <gsh/photo/photo_gain.hpp>
 
@@ -16,7 +17,7 @@
 namespace gsh {
 
 /// Loss, backgrounds, pixel filter, and how rates fall over a run.
-struct TrainConfig {
+struct TrainParams {
     double decay_start = 0.75; ///< share of the run over which rates are constant
     double final_rate = 0.03;  ///< final share of each rate; small last steps average over photographs
     double ssim_weight = 0.4;  ///< λ of (1 - λ) L1 + λ (1 - SSIM); 0.2 in the direct baseline
@@ -58,20 +59,29 @@ struct TrainConfig {
 
     /// The settings themselves.
     /// Errors  ValueError that names a setting which is out of its range.
-    [[nodiscard]] const TrainConfig& checked() const {
-        const auto expect = [](bool good, const char* what) { check_value(good, "TrainConfig", what); };
-        expect(decay_start >= 0 && decay_start <= 1, "decay_start must lie in [0, 1]");
-        expect(final_rate > 0 && final_rate <= 1, "final_rate must lie in (0, 1]");
-        expect(ssim_weight >= 0 && ssim_weight <= 1, "ssim_weight must lie in [0, 1]");
-        expect(filter.dilation >= 0 && std::isfinite(filter.dilation), "filter.dilation must not be negative");
+    [[nodiscard]] const TrainParams& checked() const {
+        check_ranges("TrainParams", *this);
         return *this;
     }
+
+    template <class Self, class F>
+    static void for_each_setting(Self& self, const F& f) {
+        f("rate.decay_start", self.decay_start, SettingRange::share());
+        f("rate.final", self.final_rate, SettingRange::above(0).up_to(1));
+        f("ssim_weight", self.ssim_weight, SettingRange::share());
+        f("gradient_transmittance_min", self.gradient_transmittance_min, SettingRange::share());
+        f("background.random", self.random_background, SettingRange());
+        PhotoGainParams::for_each_setting(self.gain, f);
+        PixelFilter::for_each_setting(self.filter, f);
+    }
 };
+/// The name of TrainParams until now.
+using TrainConfig [[deprecated("use TrainParams")]] = TrainParams;
 
 /// Loss and filter of the direct baseline, as in its code. Its rates do not fall. docs/quality.md compares
-/// TrainConfig's own settings with these.
+/// TrainParams' own settings with these.
 /// Source  Liu et al., "Animatable 3D Gaussian", 2024.
-[[nodiscard]] inline TrainConfig baseline_config() {
+[[nodiscard]] inline TrainParams baseline_train_params() {
     return {.decay_start = 0,
             .final_rate = 1,
             .ssim_weight = 0.2,

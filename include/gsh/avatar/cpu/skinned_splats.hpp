@@ -2,8 +2,8 @@
 /// @file  Posing Gaussians on the CPU, with one Gaussian in each lane of a vector register.
 #pragma once
 
-#include <gsh/avatar/skinned_element.hpp>
 #include <gsh/avatar/skinned_gaussian.hpp>
+#include <gsh/avatar/skinned_splats.hpp>
 #include <gsh/backend/backend.hpp>
 #include <gsh/body/skinning.hpp>
 #include <gsh/core/config.hpp>

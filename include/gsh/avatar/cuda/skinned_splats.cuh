@@ -3,8 +3,8 @@
 #pragma once
 
 #include <gsh/avatar/cuda/bone_sums.cuh>
-#include <gsh/avatar/skinned_element.hpp>
 #include <gsh/avatar/skinned_gaussian.hpp>
+#include <gsh/avatar/skinned_splats.hpp>
 #include <gsh/backend/cuda/device.cuh>
 #include <gsh/backend/cuda/kernel.cuh>
 #include <gsh/backend/cuda/lane_sums.cuh>

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 /// @file  Bench of posing 170,000 Gaussians on 55 bones with SH of degree 2, and of the adjoint, for each deformation.
-#include <gsh/avatar/cpu/skinned_gaussian.hpp>
-#include <gsh/avatar/skinned_gaussian.hpp>
+#include <gsh/avatar/cpu/skinned_splats.hpp>
+#include <gsh/avatar/skinned_splats.hpp>
 #include <gsh/backend/serial.hpp>
 #include <gsh/backend/threads.hpp>
 #include <gsh/core/rng.hpp>
