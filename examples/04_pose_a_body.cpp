@@ -74,9 +74,7 @@ public:
 
     /// The positions of the Gaussians that were shown last.
     [[nodiscard]] std::vector<vec3<float>> means() {
-        std::vector<vec3<float>> host(avatar_.size());
-        backend_.download(Span<const vec3<float>>(splats_.means), host);
-        return host;
+        return downloaded(backend_, Span<const vec3<float>>(splats_.means));
     }
 
 private:

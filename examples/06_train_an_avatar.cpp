@@ -23,7 +23,7 @@
 
 #include <story.hpp>
 using namespace gsh;
-using examples::numbers, examples::on_backend, examples::on_host;
+using examples::numbers, examples::on_host;
 
 namespace {
 
@@ -70,8 +70,8 @@ void story(const std::filesystem::path& folder) {
     B backend;
     const Field field({.base = 4, .growth = 1.6, .table_size = 1u << 15}, {.outputs = 3 * stride});
     Field::Query<B> query;
-    field.prepare(backend, on_backend(backend, in_cube), query,
-                  {.fine_level = 9, .region = on_backend<B, float>(backend, {tau.begin(), tau.end()})});
+    field.prepare(backend, uploaded(backend, in_cube), query,
+                  {.fine_level = 9, .region = uploaded<B, float>(backend, {tau.begin(), tau.end()})});
     Rig<B> rig(backend, rig_data);
     const SkinnedSplats<B, degree> skinning(backend);
     const Rasterizer<B> rasterizer(backend, raster_params<float>({.dilation = 0.1, .compensate_opacity = true}));
@@ -83,7 +83,7 @@ void story(const std::filesystem::path& folder) {
     LearnedBuffer quats(backend, turns);
 
     // 5. Intermediate values between the parts, and their gradients.
-    const Buffer<Vec> points = on_backend(backend, start);
+    const Buffer<Vec> points = uploaded(backend, start);
     Buffer<Vec> rows(count * stride), dL_drows(count * stride), means(count), dL_dmeans(count);
     const SkinnedView<const float> gaussians{
         means, quats.values(), log_scales.values(), opacity_logits.values(), rows, {}, rig.skin(), stride};

@@ -16,7 +16,7 @@ struct Palette {
     Device::Buffer<Vec> sh, dL_dsh, displacements;
 
     Palette(Device& where, std::size_t parts, const std::vector<std::uint32_t>& part_of)
-        : backend(&where), colors(where, std::vector<Vec>(parts, Vec(0))), part(examples::on_backend(where, part_of)),
+        : backend(&where), colors(where, std::vector<Vec>(parts, Vec(0))), part(uploaded(where, part_of)),
           sh(part.size()), dL_dsh(part.size()), displacements(part.size()) {
         where.fill(Span<Vec>(displacements), Vec(0));
     }

@@ -48,14 +48,6 @@ template <class Buffer>
     return view_as<float>(Span<std::remove_pointer_t<decltype(buffer.data())>>(buffer));
 }
 
-/// A buffer of a backend with a copy of values from the host.
-template <Backend B, class T>
-[[nodiscard]] typename B::template Buffer<T> on_backend(B& backend, const std::vector<T>& host) {
-    typename B::template Buffer<T> buffer;
-    assign(backend, host, buffer);
-    return buffer;
-}
-
 /// A copy on the host of an image in a backend's memory.
 template <Backend B, class T>
 [[nodiscard]] Image<T> on_host(B& backend, const ImageView<T>& image) {

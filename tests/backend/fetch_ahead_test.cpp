@@ -20,8 +20,7 @@ TEST_CASE_TEMPLATE("arrays arrive whole, whatever was announced", B, cpu::Serial
     FetchAhead<B> ahead(backend, {arrays.begin(), arrays.end()});
     for (const std::size_t k : {2, 0, 1, 2, 3, 3}) {
         const Span<const std::uint8_t> found = ahead.get(k);
-        std::vector<std::uint8_t> host(found.size());
-        backend.download(found, Span<std::uint8_t>(host));
+        std::vector<std::uint8_t> host = downloaded(backend, found);
         CHECK(host == arrays[k]);
         ahead.fetch((k + 1) % 4);
     }

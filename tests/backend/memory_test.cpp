@@ -51,16 +51,8 @@ using Buffer = Guarded::Buffer<T>;
 namespace {
 
 template <class T>
-Buffer<T> on_backend(Guarded& backend, const std::vector<T>& values) {
-    Buffer<T> buffer(values.size());
-    backend.upload(Span<const T>(values), buffer);
-    return buffer;
-}
-template <class T>
 std::vector<T> on_host(Guarded& backend, const Buffer<T>& buffer) {
-    std::vector<T> values(buffer.size());
-    backend.download(Span<const T>(buffer), Span<T>(values));
-    return values;
+    return downloaded(backend, Span<const T>(buffer));
 }
 
 /// The outcome of `work` in a child process: whether it crashed, and its output.
@@ -124,7 +116,7 @@ static_assert(cpu::Serial::host_memory && cpu::Threads::host_memory && !Guarded:
 TEST_CASE("numbers go in, are worked on and come back") {
     Guarded backend;
     const std::vector<float> numbers{1, 2, 3};
-    const auto from = on_backend(backend, numbers);
+    const auto from = uploaded(backend, numbers);
     Buffer<float> to(3);
     backend.for_each(3, Twice{from, to});
     CHECK(on_host(backend, to) == std::vector<float>{2, 4, 6});
@@ -164,7 +156,7 @@ TEST_CASE("the host crashes where it reads or writes a buffer, and is told why")
     });
     CHECK(other.crashed);
     CHECK(other.output != test::contains("guarded memory"));
-    CHECK(!crash_of([](Guarded& backend) { (void)on_backend(backend, std::vector<float>(5000)); }).crashed);
+    CHECK(!crash_of([](Guarded& backend) { (void)uploaded(backend, std::vector<float>(5000)); }).crashed);
 }
 
 TEST_CASE("its own functions take memory of the right side only") {
@@ -329,9 +321,9 @@ TEST_CASE("fields refuse host memory") {
     const auto& grid = field.grid();
     std::vector<vec3<float>> points(5, vec3<float>(0.5f));
     std::vector<float> table(grid.parameter_count()), weights(field.mlp().parameter_count()), outputs(15), row(20);
-    const auto p = on_backend(backend, points);
-    auto t = on_backend(backend, table), w = on_backend(backend, weights), o = on_backend(backend, outputs),
-         r = on_backend(backend, row);
+    const auto p = uploaded(backend, points);
+    auto t = uploaded(backend, table), w = uploaded(backend, weights), o = uploaded(backend, outputs),
+         r = uploaded(backend, row);
     Field::Query<Guarded, float> query;
     Field::Cache<Guarded, float> cache;
     Mlp::Cache<Guarded, float> mlp_cache;
@@ -435,10 +427,9 @@ TEST_CASE("lighting refuses host memory, and computes on the backend what Serial
     const vec3<float> center(0, 0, 4);
     const LitSplatsInput<float> host{{points, directions, log_intensities, gloss}, vertices, normals, visibility, base,
                                      center};
-    const auto p = on_backend(backend, points), d = on_backend(backend, directions), x = on_backend(backend, vertices),
-               c = on_backend(backend, base), n = on_backend(backend, normals);
-    const auto i = on_backend(backend, log_intensities), g = on_backend(backend, gloss),
-               v = on_backend(backend, visibility);
+    const auto p = uploaded(backend, points), d = uploaded(backend, directions), x = uploaded(backend, vertices),
+               c = uploaded(backend, base), n = uploaded(backend, normals);
+    const auto i = uploaded(backend, log_intensities), g = uploaded(backend, gloss), v = uploaded(backend, visibility);
     const LitSplatsInput<float> good{{p, d, i, g}, x, n, v, c, center};
     const LitSplats<Guarded> lit(backend, 3, triangles, barycentric);
     LitSplats<Guarded>::Cache cache;
@@ -470,8 +461,8 @@ TEST_CASE("lighting refuses host memory, and computes on the backend what Serial
                   [&] { lit.backward(good, colors, cache, {.light = {.points = dL_dpoints}}); });
     check_refused("LitSplats::backward", "dL_din.center",
                   [&] { lit.backward(good, colors, cache, {.center = dL_dcenter}); });
-    auto found_normals = on_backend(backend, dL_dnormals), found_points = on_backend(backend, dL_dpoints),
-         found_center = on_backend(backend, dL_dcenter);
+    auto found_normals = uploaded(backend, dL_dnormals), found_points = uploaded(backend, dL_dpoints),
+         found_center = uploaded(backend, dL_dcenter);
     lit.backward(good, colors, cache,
                  {.light = {.points = found_points}, .normals = found_normals, .center = found_center});
 
@@ -493,8 +484,8 @@ TEST_CASE("images, losses and terms of a motion refuse host memory") {
     constexpr int size = 12;
     std::vector<float> host(3 * size * size);
     std::vector<std::uint8_t> bytes(4 * size * size);
-    auto pixels = on_backend(backend, host);
-    const auto rgba = on_backend(backend, bytes);
+    auto pixels = uploaded(backend, host);
+    const auto rgba = uploaded(backend, bytes);
     const ImageView<float> image{pixels, 3, size, size}, host_image{host, 3, size, size};
     const Span<const std::uint8_t> host_bytes(bytes);
     check_refused("composite_rgba8", "rgba",
@@ -522,15 +513,15 @@ TEST_CASE("images, losses and terms of a motion refuse host memory") {
     CHECK(lpips.distance(image, image) == 0);
     cpu::Serial serial;
     std::vector<float> white(host.size(), 1.0f);
-    const auto white_pixels = on_backend(backend, white);
+    const auto white_pixels = uploaded(backend, white);
     CHECK(lpips.distance(image, ImageView<const float>{white_pixels, 3, size, size}) ==
           Lpips<cpu::Serial>(serial, network).distance(host_image, ImageView<const float>{white, 3, size, size}));
 
     const std::vector<float> increments(6);
-    const auto on_it = on_backend(backend, increments);
+    const auto on_it = uploaded(backend, increments);
     Buffer<float> gradient(2), scratch;
     const std::vector<FrameLink> links(3);
-    const auto links_on_it = on_backend(backend, links);
+    const auto links_on_it = uploaded(backend, links);
     const SequenceWeights weights{.pull = 1};
     const NumberSequence<float> good{links_on_it, on_it, on_it, 2, weights},
         bad{links_on_it, on_it, increments, 2, weights};

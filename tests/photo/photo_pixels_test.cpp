@@ -49,13 +49,6 @@ struct PixelPhotos {
     }
 };
 
-template <class T, Backend B>
-std::vector<T> downloaded(B& backend, Span<const T> from) {
-    std::vector<T> host(from.size());
-    backend.download(from, Span<T>(host));
-    return host;
-}
-
 template <class T>
 bool equal_bytes(const std::vector<T>& found, Span<const T> expected) {
     return found.size() == expected.size() &&

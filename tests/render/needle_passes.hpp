@@ -35,14 +35,14 @@ struct NeedlePasses {
         to_splats.forward(std::as_const(gaussians).view(), camera.center(), splats.view(), cache);
         const Rasterizer<B, T> rasterizer(backend, params);
         typename Rasterizer<B, T>::Cache raster_cache;
-        auto image = brought(backend, picture.data);
+        auto image = uploaded(backend, picture.data);
         const auto view = [&](auto& buffer) { return ImageView<T>{buffer, 3, camera.height, camera.width}; };
         const Background<T> background{.color = vec3<T>(needle_background)};
         const SplatView<const T> shown = std::as_const(splats).view();
         rasterizer.forward(camera, shown, background, {.color = view(image)}, raster_cache);
         picture.data = fetched(backend, image);
         if (!weights) return;
-        auto dL_dimage = brought(backend, weights->data);
+        auto dL_dimage = uploaded(backend, weights->data);
         dL_dsplats.resize(cloud.size(), factored);
         fill_zero(backend, dL_dsplats.view());
         rasterizer.backward(camera, shown, background, {.color = view(dL_dimage)}, raster_cache, dL_dsplats.view());

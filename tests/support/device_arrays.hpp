@@ -18,19 +18,11 @@
 
 namespace gsh::test {
 
-/// A backend's copy of an array.
-template <class B, class T>
-[[nodiscard]] typename B::template Buffer<T> brought(B& backend, const std::vector<T>& host) {
-    typename B::template Buffer<T> buffer;
-    assign(backend, host, buffer);
-    return buffer;
-}
+/// A copy on the host of a buffer.
 template <class B, class Buffer>
 [[nodiscard]] auto fetched(B& backend, const Buffer& buffer) {
     using T = std::remove_cvref_t<decltype(*buffer.data())>;
-    std::vector<T> host(buffer.size());
-    backend.download(Span<const T>(buffer), Span<T>(host));
-    return host;
+    return downloaded(backend, Span<const T>(buffer));
 }
 
 /// The numbers that an array of vectors, matrices, … consists of, in double.

@@ -299,8 +299,7 @@ Outcome show(const PosedScene& scene, const AvatarData& data) {
     Outcome outcome;
     outcome.learned.resize(color.size() + 3 * dL_dpose.size());
     backend.download(Span<const float>(color), Span<float>(outcome.learned).subspan(0, color.size()));
-    std::vector<vec3<float>> host(dL_dpose.size());
-    backend.download(Span<const vec3<float>>(dL_dpose), Span<vec3<float>>(host));
+    std::vector<vec3<float>> host = downloaded(backend, Span<const vec3<float>>(dL_dpose));
     for (std::size_t j = 0; j < host.size(); ++j)
         for (int k = 0; k < 3; ++k) outcome.learned[color.size() + 3 * j + static_cast<std::size_t>(k)] = host[j][k];
     return outcome;

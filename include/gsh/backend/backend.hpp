@@ -8,6 +8,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <string_view>
+#include <type_traits>
 #include <vector>
 
 namespace gsh {
@@ -138,6 +139,20 @@ void assign(B& backend, Span<const T> from, typename B::template Buffer<T>& to) 
 template <Backend B, class T>
 void assign(B& backend, const std::vector<T>& from, typename B::template Buffer<T>& to) {
     assign(backend, Span<const T>(from), to);
+}
+/// A buffer of the backend with a copy of values of the host.
+template <Backend B, class T>
+[[nodiscard]] typename B::template Buffer<T> uploaded(B& backend, const std::vector<T>& from) {
+    typename B::template Buffer<T> to;
+    assign(backend, from, to);
+    return to;
+}
+/// A copy on the host of values in the backend's memory. Waits for the backend.
+template <Backend B, class T>
+[[nodiscard]] std::vector<std::remove_const_t<T>> downloaded(B& backend, Span<T> from) {
+    std::vector<std::remove_const_t<T>> to(from.size());
+    backend.download(Span<const T>(from), Span<std::remove_const_t<T>>(to));
+    return to;
 }
 
 /// The word of a DeferringBackend; empty on backends that report errors at once. Function objects that change what is

@@ -95,8 +95,7 @@ public:
     /// Sets the first layer's weights of all inputs beside the encoding to zero. The encoding starts near zero, and so
     /// do the outputs. Inputs of order one would make the first outputs large.
     void silence_other_inputs() {
-        std::vector<T> weights(network_.size());
-        backend_->download(this->weights(), Span<T>(weights));
+        std::vector<T> weights = downloaded(*backend_, this->weights());
         for (std::size_t o = 0; o < mlp().layer_outputs(0); ++o)
             for (std::size_t i = Grid::output_count; i < mlp().inputs(); ++i) weights[o * mlp().inputs() + i] = T(0);
         backend_->upload(Span<const T>(weights), network_.values());

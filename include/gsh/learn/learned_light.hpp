@@ -72,17 +72,12 @@ public:
 
     /// The present light on the host.
     [[nodiscard]] LightData data() const {
-        const auto fetch = [&]<class U>(Span<const U> from) {
-            std::vector<U> host(from.size());
-            backend_->download(from, Span<U>(host));
-            return host;
-        };
         const auto vectors = [&](Span<const vec3<T>> from) {
-            const std::vector<vec3<T>> host = fetch(from);
+            const std::vector<vec3<T>> host = downloaded(*backend_, from);
             return std::vector<vec3<double>>(host.begin(), host.end());
         };
         const auto numbers = [&](Span<const T> from) {
-            const std::vector<T> host = fetch(from);
+            const std::vector<T> host = downloaded(*backend_, from);
             return std::vector<double>(host.begin(), host.end());
         };
         const LightView<const T> now = view();

@@ -121,9 +121,7 @@ public:
         visibility_.resize(positions_.size() * light.size());
         if (!light.shadows) return std::vector<float>(visibility_.size(), 1.0f);
         maps_.forward(casters, light_.view(), receivers_, receiver_normals_, visibility_, cache_);
-        std::vector<float> result(visibility_.size());
-        backend_->download(Span<const float>(visibility_), Span<float>(result));
-        return result;
+        return downloaded(*backend_, Span<const float>(visibility_));
     }
 
 private:

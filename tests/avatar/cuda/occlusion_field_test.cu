@@ -60,9 +60,9 @@ Result<T> run(B& backend, const OcclusionFieldData& data, int passes = 1,
     for (const double value : ao_gradient(data)) dL_dao.push_back(T(value));
     const Skeleton<B, T> skeleton(backend, parents);
     const OcclusionField<B, T> field(backend, data, count, J);
-    const auto R = test::brought(backend, rotations);
-    const auto gradient = test::brought(backend, dL_dao);
-    auto dR = test::brought(backend, std::vector<mat3<T>>(J, mat3<T>(T(0))));
+    const auto R = uploaded(backend, rotations);
+    const auto gradient = uploaded(backend, dL_dao);
+    auto dR = uploaded(backend, std::vector<mat3<T>>(J, mat3<T>(T(0))));
     typename B::template Buffer<T> ao(count);
     typename OcclusionField<B, T>::Cache cache;
     field.forward(skeleton, R, ao, cache);
@@ -133,8 +133,8 @@ TEST_CASE("the gradient of the pose is that of all blocks, for more blocks than 
     std::vector<double> expected(width, 1);
     for (std::size_t n = 0; n < partials.size(); ++n) expected[n / blocks] += partials[n];
     Device device;
-    const auto from = test::brought(device, partials);
-    auto to = test::brought(device, std::vector<double>(width, 1));
+    const auto from = uploaded(device, partials);
+    auto to = uploaded(device, std::vector<double>(width, 1));
     device.launch(width, Join{from, to, blocks});
     CHECK(test::relative_distance(test::fetched(device, to), expected) < 1e-14);
 }

@@ -77,7 +77,7 @@ struct Result {
 
 template <int Degree, class T, class B>
 Result<T> run(B& backend, const Scene<T>& scene, const Case& c) {
-    const auto bring = [&](const auto& host) { return test::brought(backend, host); };
+    const auto bring = [&](const auto& host) { return uploaded(backend, host); };
     const auto means = bring(scene.means), log_scales = bring(scene.log_scales), sh = bring(scene.sh);
     const auto quats = bring(scene.quats);
     const auto logits = bring(scene.logits), ao = bring(scene.ao), weights = bring(scene.weights);
@@ -274,10 +274,10 @@ TEST_CASE("sums of bones are those of every block that has some, for more blocks
         }
     const auto center = rng.numbers(3 * blocks);
     Device device;
-    const auto from = test::brought(device, bones), from_center = test::brought(device, center);
-    const auto bits = test::brought(device, follow);
-    auto to = test::brought(device, std::vector<Affine<double>>(J, Affine<double>::zero()));
-    auto to_center = test::brought(device, std::vector<vec3<double>>(1, vec3<double>(0)));
+    const auto from = uploaded(device, bones), from_center = uploaded(device, center);
+    const auto bits = uploaded(device, follow);
+    auto to = uploaded(device, std::vector<Affine<double>>(J, Affine<double>::zero()));
+    auto to_center = uploaded(device, std::vector<vec3<double>>(1, vec3<double>(0)));
     device.launch(J + 1, Join{from, bits, from_center, blocks, to, to_center});
     CHECK(test::relative_distance(test::numbers<double>(test::fetched(device, to)), expected) < 1e-14);
     double y = 0;
@@ -311,16 +311,16 @@ TEST_CASE("a step with the same sizes allocates nothing and waits for nothing") 
     SkinnedSplatsScratch<Device, float> scratch;
     const Scene<float> scene({.count = 200}, 9);
     // The arrays are not the test's subject: backward alone, with empty gradients but for the bones.
-    const auto means = test::brought(device, scene.means), log_scales = test::brought(device, scene.log_scales),
-               sh = test::brought(device, scene.sh);
-    const auto quats = test::brought(device, scene.quats);
-    const auto logits = test::brought(device, scene.logits), weights = test::brought(device, scene.weights);
-    const auto joints = test::brought(device, scene.joints);
-    const auto bones = test::brought(device, scene.bones);
+    const auto means = uploaded(device, scene.means), log_scales = uploaded(device, scene.log_scales),
+               sh = uploaded(device, scene.sh);
+    const auto quats = uploaded(device, scene.quats);
+    const auto logits = uploaded(device, scene.logits), weights = uploaded(device, scene.weights);
+    const auto joints = uploaded(device, scene.joints);
+    const auto bones = uploaded(device, scene.bones);
     Splats<Device, float> gradient;
     gradient.resize(200);
     fill_zero(device, gradient.view());
-    auto dL_dbones = test::brought(device, scene.bones);
+    auto dL_dbones = uploaded(device, scene.bones);
     const SkinnedSplats<Device, 2> skin(device);
     SkinnedSplats<Device, 2>::Cache cache;
     const auto step = [&] {

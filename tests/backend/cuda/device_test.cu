@@ -24,9 +24,7 @@ using cuda::Device;
 
 template <class T>
 std::vector<T> fetch(Device& device, const Device::Buffer<T>& buffer) {
-    std::vector<T> host(buffer.size());
-    device.download(Span<const T>(buffer), Span<T>(host));
-    return host;
+    return downloaded(device, Span<const T>(buffer));
 }
 
 /// to[i] = factor from[i] + i.
@@ -239,10 +237,8 @@ TEST_CASE("A step that changes is captured anew, from the first difference on") 
                 device.launch(2, BlockSums{b, total});
                 device.copy(Span<const float>(b), Span<float>(a));
             };
-            if (direct)
-                work();
-            else
-                graph.run(work);
+            if (direct) work();
+            else graph.run(work);
         }
         const std::vector<float> of_a = fetch(device, a), of_total = fetch(device, total);
         result.insert(result.end(), of_a.begin(), of_a.end());
@@ -394,10 +390,8 @@ TEST_CASE("An exception inside a step leaves the device usable") {
             device.fill(Span<int>(a), step);
             if (step == 1) throw ValueError("planted");
         };
-        if (step == 1)
-            CHECK_THROWS_AS(graph.run(work), ValueError);
-        else
-            graph.run(work);
+        if (step == 1) CHECK_THROWS_AS(graph.run(work), ValueError);
+        else graph.run(work);
     }
     CHECK(fetch(device, a) == std::vector<int>(10, 2));
 }

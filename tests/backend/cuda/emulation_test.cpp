@@ -236,10 +236,8 @@ TEST_CASE("Races in shared memory are found within a warp") {
         void operator()(Words& shared, Span<unsigned> out) const {
             shared.words[threadIdx.x] = 0;
             __syncthreads();
-            if (threadIdx.x % 2 == 1)
-                shared.words[threadIdx.x] = 1;
-            else
-                out[threadIdx.x] = shared.words[threadIdx.x + 1];
+            if (threadIdx.x % 2 == 1) shared.words[threadIdx.x] = 1;
+            else out[threadIdx.x] = shared.words[threadIdx.x + 1];
         }
     };
     check_race(NoBarrier{}, "a write and a read of thread 0 ", "a read and a write of thread 63 ");
@@ -453,10 +451,8 @@ TEST_CASE("No kernel compiles that has an atomic operation on floating-point num
 TEST_CASE("Divergent and missing barriers are found") {
     struct TwoPlaces {
         void operator()(Words&, Span<unsigned>) const {
-            if (threadIdx.x % 2)
-                __syncthreads();
-            else
-                __syncthreads();
+            if (threadIdx.x % 2) __syncthreads();
+            else __syncthreads();
         }
     };
     check_fault(TwoPlaces{}, "wait for each other: 32 wait at __syncthreads (emulation_test.cpp:");
@@ -642,8 +638,7 @@ struct Enter {
         Device::Buffer<unsigned> count(1), list(2 * blocks * block_size);
         device.fill(Span<unsigned>(count), 0u);
         device.launch(blocks, Enter{count, list});
-        std::vector<unsigned> result(list.size());
-        device.download(Span<const unsigned>(list), Span<unsigned>(result));
+        std::vector<unsigned> result = downloaded(device, Span<const unsigned>(list));
         CudaEmulation::instance().order = Order::forward;
         return result;
     }

@@ -48,8 +48,7 @@ void check_reads(bool announce_the_next) {
         const std::size_t next = i + 1 < order.size() ? order[i + 1] : 0;
         ahead.fetch(announce_the_next ? next : (next + 3) % arrays.size());
     }
-    std::vector<std::uint32_t> found(order.size());
-    device.download(Span<const std::uint32_t>(sums), Span<std::uint32_t>(found));
+    std::vector<std::uint32_t> found = downloaded(device, Span<const std::uint32_t>(sums));
     for (std::size_t i = 0; i < order.size(); ++i) {
         CAPTURE(i);
         CHECK(found[i] == expected[order[i]]);

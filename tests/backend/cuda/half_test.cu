@@ -46,9 +46,7 @@ std::vector<float> unpacked(const std::vector<std::uint16_t>& halves) {
     cuda::Buffer<float> to(halves.size());
     device.upload(Span<const std::uint32_t>(words), Span<std::uint32_t>(from));
     device.for_each(words.size(), UnpackHalves<Bf16>{from, to});
-    std::vector<float> numbers(halves.size());
-    device.download(Span<const float>(to), Span<float>(numbers));
-    return numbers;
+    return downloaded(device, Span<const float>(to));
 }
 template <bool Bf16>
 std::vector<std::uint16_t> packed(const std::vector<float>& numbers) {
@@ -57,8 +55,7 @@ std::vector<std::uint16_t> packed(const std::vector<float>& numbers) {
     cuda::Buffer<std::uint32_t> to(numbers.size() / 2);
     device.upload(Span<const float>(numbers), Span<float>(from));
     device.for_each(to.size(), PackHalves<Bf16>{from, to});
-    std::vector<std::uint32_t> words(to.size());
-    device.download(Span<const std::uint32_t>(to), Span<std::uint32_t>(words));
+    std::vector<std::uint32_t> words = downloaded(device, Span<const std::uint32_t>(to));
     std::vector<std::uint16_t> halves;
     for (const std::uint32_t word : words) {
         halves.push_back(static_cast<std::uint16_t>(word));

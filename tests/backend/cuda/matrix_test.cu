@@ -47,10 +47,8 @@ struct MultiplyAdd {
         const cuda::MatrixB right{{of_b(2 * t), of_b(2 * t + 8)}};
         const unsigned first = 8 * g + 2 * t, second = first + 64;
         cuda::MatrixC sum{{c[first], c[first + 1], c[second], c[second + 1]}};
-        if (by_shuffles)
-            cuda::detail::multiply_add_by_shuffles(sum, left, right);
-        else
-            cuda::multiply_add(sum, left, right);
+        if (by_shuffles) cuda::detail::multiply_add_by_shuffles(sum, left, right);
+        else cuda::multiply_add(sum, left, right);
         c[first] = sum.values[0], c[first + 1] = sum.values[1];
         c[second] = sum.values[2], c[second + 1] = sum.values[3];
     }
@@ -74,10 +72,8 @@ struct MultiplyAddFloats {
         const auto place = [&](unsigned i, unsigned j) { return 16 * (8 * i + g) + j / 2 * 8 + 2 * t + j % 2; };
         for (unsigned i = 0; i < 4; ++i)
             for (unsigned j = 0; j < 4; ++j) sums[first + i][j] = c[place(i, j)];
-        if (by_shuffles)
-            cuda::detail::multiply_add_by_shuffles(sums, left, right, first);
-        else
-            cuda::multiply_add(sums, left, right, first);
+        if (by_shuffles) cuda::detail::multiply_add_by_shuffles(sums, left, right, first);
+        else cuda::multiply_add(sums, left, right, first);
         for (unsigned i = 0; i < 4; ++i)
             for (unsigned j = 0; j < 4; ++j) c[place(i, j)] = sums[first + i][j];
     }
@@ -126,8 +122,7 @@ TEST_CASE("a warp multiplies matrices of bf16 and adds, by its instruction and b
         CAPTURE(by_shuffles);
         device.upload(Span<const float>(c), Span<float>(device_c));
         device.launch(1, MultiplyAdd{device_a, device_b, device_c, by_shuffles});
-        std::vector<float> found(c.size());
-        device.download(Span<const float>(device_c), Span<float>(found));
+        std::vector<float> found = downloaded(device, Span<const float>(device_c));
         CHECK(found == expected);
     }
 }
@@ -140,9 +135,7 @@ std::vector<float> product(Device& device, const std::vector<float>& a, const st
     device.upload(Span<const float>(b), Span<float>(device_b));
     device.upload(Span<const float>(c), Span<float>(device_c));
     device.launch(1, MultiplyAddFloats{device_a, device_b, device_c, by_shuffles});
-    std::vector<float> found(c.size());
-    device.download(Span<const float>(device_c), Span<float>(found));
-    return found;
+    return downloaded(device, Span<const float>(device_c));
 }
 
 TEST_CASE("a warp multiplies matrices of floats and adds, to 2^-20 of the products") {

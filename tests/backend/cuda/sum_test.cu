@@ -26,9 +26,7 @@ Device::Buffer<T> upload(Device& device, const std::vector<T>& host) {
 }
 template <class T>
 std::vector<T> download(Device& device, const Device::Buffer<T>& buffer) {
-    std::vector<T> host(buffer.size());
-    device.download(Span<const T>(buffer), Span<T>(host));
-    return host;
+    return downloaded(device, Span<const T>(buffer));
 }
 
 /// The sums of a warp and of a block, as each thread receives them.
@@ -52,17 +50,13 @@ struct SumsOfThreads {
 
 template <class T>
 T number(test::Rng& rng) {
-    if constexpr (std::floating_point<T>)
-        return T(rng.uniform(-1, 1));
-    else
-        return T(rng.vec());
+    if constexpr (std::floating_point<T>) return T(rng.uniform(-1, 1));
+    else return T(rng.vec());
 }
 template <class T>
 double difference(const T& a, const T& b) {
-    if constexpr (std::floating_point<T>)
-        return std::abs(double(a) - double(b));
-    else
-        return double(length(a - b));
+    if constexpr (std::floating_point<T>) return std::abs(double(a) - double(b));
+    else return double(length(a - b));
 }
 
 } // namespace

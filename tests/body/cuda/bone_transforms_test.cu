@@ -28,10 +28,8 @@ std::vector<int> skeleton(std::string_view kind, std::size_t joints) {
         const int last = static_cast<int>(j) - 1;
         if (j == 0 || kind == "chain")
             parents.push_back(last);
-        else if (kind == "star")
-            parents.push_back(0);
-        else
-            parents.push_back(static_cast<int>(rng.below(j)));
+        else if (kind == "star") parents.push_back(0);
+        else parents.push_back(static_cast<int>(rng.below(j)));
     }
     return parents;
 }
@@ -66,14 +64,14 @@ Result<T> run(B& backend, const std::vector<int>& parents, const Inputs<T>& inpu
     const std::size_t J = parents.size();
     const auto& [rotations, joints, transl, dL_dbones] = inputs;
     Skeleton<B, T> skeleton(backend, parents);
-    const auto R = test::brought(backend, rotations);
-    const auto x = test::brought(backend, joints), t = test::brought(backend, transl);
-    const auto g = test::brought(backend, dL_dbones);
+    const auto R = uploaded(backend, rotations);
+    const auto x = uploaded(backend, joints), t = uploaded(backend, transl);
+    const auto g = uploaded(backend, dL_dbones);
     typename B::template Buffer<Affine<T>> bones(J);
     skeleton.bones(R, x, t, bones);
-    auto dR = test::brought(backend, std::vector<mat3<T>>(J, mat3<T>(T(0))));
-    auto dx = test::brought(backend, std::vector<vec3<T>>(J, vec3<T>(T(0))));
-    auto dt = test::brought(backend, std::vector<vec3<T>>(1, vec3<T>(T(0))));
+    auto dR = uploaded(backend, std::vector<mat3<T>>(J, mat3<T>(T(0))));
+    auto dx = uploaded(backend, std::vector<vec3<T>>(J, vec3<T>(T(0))));
+    auto dt = uploaded(backend, std::vector<vec3<T>>(1, vec3<T>(T(0))));
     for (int pass = 0; pass < passes; ++pass) skeleton.bones_backward(R, x, bones, g, dR, dx, dt);
     return {test::fetched(backend, bones), test::fetched(backend, dR), test::fetched(backend, dx),
             test::fetched(backend, dt)};

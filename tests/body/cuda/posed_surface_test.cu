@@ -42,17 +42,17 @@ struct Inputs {
 template <class T, class B>
 Result<T> run(B& backend, const Inputs& inputs, int passes = 1) {
     const auto cast = [&](const std::vector<vec3<double>>& values) {
-        return test::brought(backend, std::vector<vec3<T>>(values.begin(), values.end()));
+        return uploaded(backend, std::vector<vec3<T>>(values.begin(), values.end()));
     };
     const BodyModel& body = inputs.body;
     const std::size_t V = body.vertex_count(), joints = inputs.bones.size();
     std::vector<Affine<T>> posed;
     for (const auto& bone : inputs.bones) posed.push_back({mat3<T>(bone.linear), vec3<T>(bone.translation)});
-    const auto bones = test::brought(backend, posed);
+    const auto bones = uploaded(backend, posed);
     const auto offsets = cast(inputs.offsets), normal_offsets = cast(inputs.normal_offsets),
                dL_dvertices = cast(inputs.dL_dvertices), dL_dnormals = cast(inputs.dL_dnormals);
     auto result = cast(std::vector<vec3<double>>(V)), dL_doffsets = cast(std::vector<vec3<double>>(V, vec3<double>(0)));
-    auto dL_dbones = test::brought(backend, std::vector<Affine<T>>(joints, Affine<T>::zero()));
+    auto dL_dbones = uploaded(backend, std::vector<Affine<T>>(joints, Affine<T>::zero()));
     const PosedSurface<B, T> surface(backend, body, {});
     typename PosedSurface<B, T>::Cache cache;
     surface.forward(bones, offsets, cache);

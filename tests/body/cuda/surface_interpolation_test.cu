@@ -44,9 +44,9 @@ Result<Vector> run(B& backend, std::size_t vertices, std::size_t points, int pas
         triangles.push_back({a, b, c}), barycentric.push_back(rng.vec(0, 1)), gradient.push_back(random());
     }
     const SurfaceInterpolation<B, T> surface(backend, vertices, triangles, barycentric);
-    const auto v = test::brought(backend, values), g = test::brought(backend, gradient);
-    auto p = test::brought(backend, std::vector<Vector>(points, Vector(T(1))));
-    auto d = test::brought(backend, std::vector<Vector>(vertices, Vector(T(0))));
+    const auto v = uploaded(backend, values), g = uploaded(backend, gradient);
+    auto p = uploaded(backend, std::vector<Vector>(points, Vector(T(1))));
+    auto d = uploaded(backend, std::vector<Vector>(vertices, Vector(T(0))));
     surface.template forward<Vector>(v, p);
     for (int pass = 0; pass < passes; ++pass) surface.template backward<Vector>(g, d);
     return {test::fetched(backend, p), test::fetched(backend, d), values, gradient};

@@ -98,9 +98,7 @@ struct Passes {
     }
     template <class V>
     [[nodiscard]] std::vector<V> fetch(const Buffer<V>& from) const {
-        std::vector<V> host(from.size());
-        backend.download(Span<const V>(from), Span<V>(host));
-        return host;
+        return downloaded(backend, Span<const V>(from));
     }
 };
 
@@ -171,10 +169,8 @@ TEST_CASE("HashField::backward on the device is the gradient of forward") {
         test::Rng rng(12);
         for (int direction = 0; direction < 4; ++direction) {
             std::vector<double> along(gradient.size());
-            if (direction < 2)
-                for (double& x : along) x = rng.uniform(-1, 1);
-            else
-                along[static_cast<std::size_t>(direction) % along.size()] = 1;
+            if (direction < 2) for (double& x : along) x = rng.uniform(-1, 1);
+            else along[static_cast<std::size_t>(direction) % along.size()] = 1;
             double expected = 0;
             for (std::size_t i = 0; i < along.size(); ++i) expected += gradient[i] * along[i];
             const double step = 1e-7;

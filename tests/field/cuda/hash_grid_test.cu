@@ -37,9 +37,7 @@ Device::Buffer<T> to_device(Device& device, const std::vector<T>& host) {
 }
 template <class T>
 std::vector<T> fetch(Device& device, const Device::Buffer<T>& buffer) {
-    std::vector<T> host(buffer.size());
-    device.download(Span<const T>(buffer), Span<T>(host));
-    return host;
+    return downloaded(device, Span<const T>(buffer));
 }
 
 template <class T>

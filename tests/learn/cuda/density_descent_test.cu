@@ -130,7 +130,7 @@ TEST_CASE("children of blocks begin where those before end, for more blocks than
             begin.push_back(begin.back() + sums.back());
         }
         Device device;
-        const auto from = test::brought(device, sums);
+        const auto from = uploaded(device, sums);
         cuda::Buffer<std::uint32_t> to(blocks + 1);
         device.launch(1, cuda::detail::ScanDescent{from, to});
         CHECK(test::fetched(device, to) == begin);

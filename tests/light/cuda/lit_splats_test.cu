@@ -59,7 +59,7 @@ Result<T> run(B& backend, const Case& c, const Inputs<T>& inputs) {
     const auto& [scene, dL_dcolors] = inputs;
     auto zero = scene;
     zero.clear();
-    const auto bring = [&](const auto& host) { return test::brought(backend, host); };
+    const auto bring = [&](const auto& host) { return uploaded(backend, host); };
     const LitSplats<B, T> lit(backend, scene.V, scene.triangles, scene.barycentric, c.clamping);
     const auto points = bring(scene.points), directions = bring(scene.directions), vertices = bring(scene.vertices),
                base = bring(scene.base), normals = bring(scene.normals), gradient = bring(dL_dcolors);
@@ -202,8 +202,8 @@ TEST_CASE("sums of a light are those of all warps, for more warps than threads j
     for (std::size_t k = 0; k < places.size; ++k)
         for (std::size_t w = 0; w < warps; ++w) expected[k] += sums[k * warps + w];
     Device device;
-    const auto from = test::brought(device, sums);
-    auto to = test::brought(device, std::vector<double>(places.size, 1));
+    const auto from = uploaded(device, sums);
+    auto to = uploaded(device, std::vector<double>(places.size, 1));
     const Span<double> all = to;
     device.launch(places.size, Join{from,
                                     warps,

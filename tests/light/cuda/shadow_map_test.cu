@@ -49,7 +49,7 @@ struct Result {
 
 template <class T, class B>
 Result<T> run(B& backend, const Scene<T>& scene) {
-    const auto bring = [&](const auto& host) { return test::brought(backend, host); };
+    const auto bring = [&](const auto& host) { return uploaded(backend, host); };
     std::vector<decltype(bring(scene.points))> vertices;
     std::vector<decltype(bring(scene.receiver.triangles))> triangles;
     for (const auto& caster : scene.casters)

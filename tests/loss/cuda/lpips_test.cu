@@ -81,8 +81,7 @@ TEST_CASE("the maps of LPIPS and the distance follow the CPU's") {
             const auto found = forward(device, Lpips<Device, double>(device, network, scaling), a);
             const auto host = forward(serial, Lpips<cpu::Serial, double>(serial, network, scaling), a);
             for (std::size_t k = 0; k < host.maps.size(); ++k) {
-                std::vector<double> values(found.maps[k].values.size());
-                device.download(Span<const double>(found.maps[k].values), Span<double>(values));
+                std::vector<double> values = downloaded(device, Span<const double>(found.maps[k].values));
                 REQUIRE(values.size() == host.maps[k].values.size());
                 double worst = 0;
                 for (std::size_t i = 0; i < values.size(); ++i)

@@ -33,11 +33,11 @@ Scanned scan(const std::vector<BlockCount>& blocks, const std::vector<std::uint3
     using Numbers = std::vector<std::uint32_t>;
     Device device;
     const std::size_t tiles = tile_counts.size();
-    const auto counts = test::brought(device, tile_counts);
-    const auto of_blocks = test::brought(device, blocks);
-    auto status = test::brought(device, std::vector<RasterStatus>(1));
-    auto refused = test::brought(device, Numbers(1, 7)), halted = test::brought(device, Numbers(1, 0)),
-         classes = test::brought(device, Numbers(cuda::tile_classes, 0));
+    const auto counts = uploaded(device, tile_counts);
+    const auto of_blocks = uploaded(device, blocks);
+    auto status = uploaded(device, std::vector<RasterStatus>(1));
+    auto refused = uploaded(device, Numbers(1, 7)), halted = uploaded(device, Numbers(1, 0)),
+         classes = uploaded(device, Numbers(cuda::tile_classes, 0));
     cuda::Buffer<std::uint32_t> block_begin(blocks.size()), tile_begin(tiles + 1), tile_end(tiles), tile_order(tiles),
         sort_begin(tiles + 1), blend_begin(tiles + 1);
     device.launch(2, cuda::detail::ScanCounts{of_blocks, block_begin, status, refused, halted, max_pairs,

@@ -32,9 +32,7 @@ typename B::template Buffer<V> to_backend(B& backend, const std::vector<V>& host
 template <class B, class Buffer>
 auto from_backend(B& backend, const Buffer& buffer) {
     using V = std::remove_cvref_t<decltype(*buffer.data())>;
-    std::vector<V> host(buffer.size());
-    backend.download(Span<const V>(buffer.data(), buffer.size()), Span<V>(host));
-    return host;
+    return downloaded(backend, Span<const V>(buffer.data(), buffer.size()));
 }
 
 /// What a run computes; by default everything.
