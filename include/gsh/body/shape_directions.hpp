@@ -27,8 +27,9 @@ struct ShapeMixture {
 ///
 /// Shapes  targets [T][3 V]; weights [V].
 /// Errors  ShapeError for other sizes.
-[[nodiscard]] inline std::vector<double> target_products(const std::vector<std::vector<float>>& targets,
-                                                         Span<const double> weights);
+template <std::same_as<double> T = double> // compiled only where it is called: Eigen's products take seconds
+[[nodiscard]] std::vector<T> target_products(const std::vector<std::vector<float>>& targets,
+                                             Span<const double> weights);
 
 /// Principal directions of the shapes Σ_t c_t · target_t for random coefficients c: x = Σ_k β_k d_k with independent β
 /// of unit variance has the same covariance, as far as `count` directions reach, and no other directions leave less.
@@ -63,19 +64,20 @@ template <std::same_as<double> T = double> // compiled only where it is called: 
     return mixture;
 }
 
-inline std::vector<double> target_products(const std::vector<std::vector<float>>& targets, Span<const double> weights) {
+template <std::same_as<double> T>
+std::vector<T> target_products(const std::vector<std::vector<float>>& targets, Span<const double> weights) {
     for (const auto& target : targets)
         check_size("target_products", "target", target.size(), 3 * weights.size(), "three numbers per vertex");
-    const std::size_t T = targets.size(), numbers = 3 * weights.size(), most_rows = 1024;
-    using Matrix = Eigen::MatrixXd;
-    Matrix products = Matrix::Zero(static_cast<Eigen::Index>(T), static_cast<Eigen::Index>(T));
+    const std::size_t count = targets.size(), numbers = 3 * weights.size(), most_rows = 1024;
+    using Matrix = Eigen::Matrix<T, Eigen::Dynamic, Eigen::Dynamic>;
+    Matrix products = Matrix::Zero(static_cast<Eigen::Index>(count), static_cast<Eigen::Index>(count));
     for (std::size_t first = 0; first < numbers; first += most_rows) {
         const std::size_t rows = std::min(most_rows, numbers - first);
-        Matrix block(static_cast<Eigen::Index>(rows), static_cast<Eigen::Index>(T));
-        for (std::size_t t = 0; t < T; ++t)
+        Matrix block(static_cast<Eigen::Index>(rows), static_cast<Eigen::Index>(count));
+        for (std::size_t t = 0; t < count; ++t)
             for (std::size_t i = 0; i < rows; ++i)
                 block(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(t)) =
-                    static_cast<double>(targets[t][first + i]) * std::sqrt(weights[(first + i) / 3]);
+                    static_cast<T>(targets[t][first + i]) * std::sqrt(weights[(first + i) / 3]);
         products.noalias() += block.transpose() * block;
     }
     return {products.data(), products.data() + products.size()};

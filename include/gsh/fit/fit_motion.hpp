@@ -20,6 +20,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <concepts>
 #include <cstddef>
 #include <limits>
 #include <string>
@@ -44,9 +45,10 @@ namespace gsh {
 /// Frame   the world of the cameras. y need not be up.
 /// Errors  ValueError for a camera or frame that does not exist, a photograph that occurs twice, keypoints that are not
 ///         finite, times that do not ascend, or without any photograph that shows the person.
-[[nodiscard]] inline MotionFit fit_motion(const BodyModel& body, const std::vector<Camera<double>>& cameras,
-                                          const std::vector<PersonPhoto>& photos, const std::vector<double>& times,
-                                          const MotionFitParams& params = {});
+template <std::same_as<double> Real = double> // compiled only where it is called: Eigen's solvers take seconds
+[[nodiscard]] MotionFit fit_motion(const BodyModel& body, const std::vector<Camera<double>>& cameras,
+                                   const std::vector<PersonPhoto>& photos, const std::vector<double>& times,
+                                   const MotionFitParams& params = {});
 
 // -------------------------------------------------------------------------------------------------------------
 
@@ -122,9 +124,10 @@ inline void append_window(MotionState& state, const MotionState& window, std::si
 
 } // namespace detail
 
-inline MotionFit fit_motion(const BodyModel& body, const std::vector<Camera<double>>& cameras,
-                            const std::vector<PersonPhoto>& photos, const std::vector<double>& times,
-                            const MotionFitParams& params) {
+template <std::same_as<double> Real>
+MotionFit fit_motion(const BodyModel& body, const std::vector<Camera<double>>& cameras,
+                     const std::vector<PersonPhoto>& photos, const std::vector<double>& times,
+                     const MotionFitParams& params) {
     constexpr const char* where = "fit_motion";
     check_value(!times.empty(), where, "there are no frames");
     check_value(params.window > 60, where, "window must be above 60 frames");
@@ -175,7 +178,7 @@ inline MotionFit fit_motion(const BodyModel& body, const std::vector<Camera<doub
         };
         auto shown = part(views);
         if (!first && !known) at_found_times(shown, part(times));
-        detail::MotionFitter fitter(body, fitted, std::move(shown), part(times), cameras.size(), of_window);
+        detail::MotionFitter<Real> fitter(body, fitted, std::move(shown), part(times), cameras.size(), of_window);
         if (!first) fitter.hold_shared(state);
         fitter.run(fit, begin, first && !known, [&](double share) {
             if (params.progress)
@@ -196,10 +199,8 @@ inline MotionFit fit_motion(const BodyModel& body, const std::vector<Camera<doub
             }
             fit.frame_fit[t] = detail::median_or_nan(of_frame);
         }
-        if (first)
-            state = fitter.state();
-        else
-            detail::append_window(state, fitter.state(), overlap);
+        if (first) state = fitter.state();
+        else detail::append_window(state, fitter.state(), overlap);
         begin = end == T ? T : end - overlap;
     }
     for (std::size_t c = 0; c < cameras.size(); ++c)

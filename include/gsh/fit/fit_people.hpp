@@ -11,6 +11,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <concepts>
 #include <cstddef>
 #include <optional>
 #include <vector>
@@ -75,10 +76,10 @@ struct PersonToFit {
 /// them live in one world. Heights are those of the people; `params.height` does not count.
 ///
 /// Errors  those of fit_motion; ValueError without people.
-[[nodiscard]] inline std::vector<MotionFit> fit_people(const BodyModel& body,
-                                                       const std::vector<Camera<double>>& cameras,
-                                                       const std::vector<PersonToFit>& people,
-                                                       const std::vector<double>& times, MotionFitParams params = {}) {
+template <std::same_as<double> Real = double> // compiled only where it is called: Eigen's solvers take seconds
+[[nodiscard]] std::vector<MotionFit> fit_people(const BodyModel& body, const std::vector<Camera<double>>& cameras,
+                                                const std::vector<PersonToFit>& people,
+                                                const std::vector<double>& times, MotionFitParams params = {}) {
     check_value(!people.empty(), "fit_people", "there are no people");
     const auto progress = params.progress;
     const std::size_t rounds = people.size() > 1 && !params.cameras ? 2 : 1;
@@ -92,7 +93,7 @@ struct PersonToFit {
                     progress((static_cast<double>(round * people.size() + fits.size()) + share) /
                              static_cast<double>(rounds * people.size()));
                 };
-            fits.push_back(fit_motion(body, cameras, person.photos, times, params));
+            fits.push_back(fit_motion<Real>(body, cameras, person.photos, times, params));
         }
         if (round + 1 == rounds) break;
         const double frame =

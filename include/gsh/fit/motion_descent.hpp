@@ -6,6 +6,7 @@
 #include <gsh/math/bordered_band.hpp>
 
 #include <algorithm>
+#include <concepts>
 #include <cstddef>
 #include <utility>
 
@@ -22,8 +23,9 @@ struct MotionDescent {
 ///
 /// Source  Levenberg, "A method for the solution of certain non-linear problems in least squares", 1944; the damping
 ///         multiplies the diagonal, as Marquardt, 1963.
-inline MotionDescent descend(MotionProblem& problem, MotionState& state, const MotionTerms& terms, int most_steps,
-                             double tolerance) {
+template <std::same_as<double> Real = double> // compiled only where it is called: Eigen's solvers take seconds
+MotionDescent descend(MotionProblem& problem, MotionState& state, const MotionTerms& terms, int most_steps,
+                      double tolerance) {
     problem.set_reference(state);
     BorderedBand system = problem.make_system(terms);
     double damping = 1e-2, energy = problem.evaluate(state, terms, &system);
@@ -33,7 +35,7 @@ inline MotionDescent descend(MotionProblem& problem, MotionState& state, const M
         for (int attempt = 0; attempt < 6 && !accepted; ++attempt) {
             ++result.solves;
             constexpr double floor = 1e-6; // of the diagonal: a number that nothing sees keeps its value
-            MotionState next = problem.stepped(state, system.solve(damping, floor));
+            MotionState next = problem.stepped(state, system.solve<Real>(damping, floor));
             const double next_energy = problem.evaluate(next, terms);
             if (!(next_energy < energy)) {
                 damping *= 8;

@@ -15,6 +15,7 @@
 #include <Eigen/Cholesky>
 
 #include <array>
+#include <concepts>
 #include <cstddef>
 #include <optional>
 #include <vector>
@@ -33,8 +34,8 @@ namespace gsh {
 
 /// A usual pose in each frame, turned by the detector's guesses in metres and placed by the rays of its points. Frames
 /// without any take those of the nearest frame.
-[[nodiscard]] inline MotionState motion_start(const FittedBody& body,
-                                              const std::vector<std::vector<ViewKeypoints>>& views) {
+template <std::same_as<double> Real = double> // compiled only where it is called: Eigen's solvers take seconds
+[[nodiscard]] MotionState motion_start(const FittedBody& body, const std::vector<std::vector<ViewKeypoints>>& views) {
     const Landmarks& marks = body.marks;
     constexpr std::array<int, 4> trunk{landmark_number("left_shoulder"), landmark_number("right_shoulder"),
                                        landmark_number("left_hip"), landmark_number("right_hip")};
@@ -109,10 +110,8 @@ namespace gsh {
             const std::size_t before = t - away, after = t + away;
             if (away <= t && known[before])
                 state.frames[t] = state.frames[before];
-            else if (after < known.size() && known[after])
-                state.frames[t] = state.frames[after];
-            else
-                continue;
+            else if (after < known.size() && known[after]) state.frames[t] = state.frames[after];
+            else continue;
             break;
         }
     }

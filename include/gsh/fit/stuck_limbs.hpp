@@ -13,6 +13,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <concepts>
 #include <cstddef>
 #include <utility>
 #include <vector>
@@ -57,9 +58,10 @@ inline double limb_misfit(const FrameKinematics& kinematics, const LimbLandmarks
 /// how many limbs were moved.
 ///
 /// Shapes  times [T], seconds.
-inline std::size_t free_stuck_limbs(const FittedBody& body, MotionState& state,
-                                    const std::vector<std::vector<ViewKeypoints>>& views,
-                                    const std::vector<double>& times, MotionTerms terms) {
+template <std::same_as<double> Real = double> // compiled only where it is called: Eigen's solvers take seconds
+std::size_t free_stuck_limbs(const FittedBody& body, MotionState& state,
+                             const std::vector<std::vector<ViewKeypoints>>& views, const std::vector<double>& times,
+                             MotionTerms terms) {
     constexpr double far = 0.1, nearer = 0.7; // metres; share of the distance that is left
     const std::size_t T = state.frames.size(), limb_count = detail::limb_landmarks.size();
     const auto misfit = [&](const detail::LimbLandmarks& limb, const FrameNumbers& frame, std::size_t t) {
@@ -86,7 +88,7 @@ inline std::size_t free_stuck_limbs(const FittedBody& body, MotionState& state,
                             return body.marks[static_cast<std::size_t>(landmark)].joint == body.axes[a].joint;
                         }))
                         alone.frames[0].angles[a] = state.frames[other].angles[a];
-                const double energy = descend(problem, alone, terms, 12, 1e-3).energy;
+                const double energy = descend<Real>(problem, alone, terms, 12, 1e-3).energy;
                 return std::pair(energy, alone.frames[0]);
             };
             auto best = descended_from(t);

@@ -7,6 +7,7 @@
 
 #include <Eigen/Cholesky>
 
+#include <concepts>
 #include <cstddef>
 #include <string>
 #include <utility>
@@ -69,6 +70,7 @@ public:
     /// Solves the system with its diagonal multiplied by 1 + damping (Levenberg-Marquardt), and increased by `floor`.
     ///
     /// Errors  Error if the damped system is not positive definite.
+    template <std::same_as<double> Real = double> // compiled only where it is called: Eigen's solvers take seconds
     [[nodiscard]] Solution solve(double damping = 0, double floor = 0) const {
         const std::size_t T = rows.size();
         Solution solution;
@@ -129,13 +131,15 @@ private:
         Matrix cholesky, before, before2, border;
         Vector right;
         /// X = X L⁻ᵀ
-        void solve_from_right(Matrix& X) const {
+        template <std::same_as<Matrix> M>
+        void solve_from_right(M& X) const {
             cholesky.transpose().triangularView<Eigen::Upper>().solveInPlace<Eigen::OnTheRight>(X);
         }
     };
 
-    static void subtract(Factor& now, Matrix& diagonal, const Matrix& coupling, const Factor& earlier) {
-        diagonal.selfadjointView<Eigen::Lower>().rankUpdate(coupling, -1);
+    template <std::same_as<Matrix> M>
+    static void subtract(Factor& now, M& diagonal, const M& coupling, const Factor& earlier) {
+        diagonal.template selfadjointView<Eigen::Lower>().rankUpdate(coupling, -1);
         now.border.noalias() -= coupling * earlier.border;
         now.right.noalias() -= coupling * earlier.right;
     }
