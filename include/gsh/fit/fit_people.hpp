@@ -93,7 +93,7 @@ template <std::same_as<double> Real = double> // compiled only where it is calle
                     progress((static_cast<double>(round * people.size() + fits.size()) + share) /
                              static_cast<double>(rounds * people.size()));
                 };
-            fits.push_back(fit_motion<Real>(body, cameras, person.photos, times, params));
+            fits.push_back(fit_motion(body, cameras, person.photos, times, params));
         }
         if (round + 1 == rounds) break;
         const double frame =

@@ -35,7 +35,7 @@ MotionDescent descend(MotionProblem& problem, MotionState& state, const MotionTe
         for (int attempt = 0; attempt < 6 && !accepted; ++attempt) {
             ++result.solves;
             constexpr double floor = 1e-6; // of the diagonal: a number that nothing sees keeps its value
-            MotionState next = problem.stepped(state, system.solve<Real>(damping, floor));
+            MotionState next = problem.stepped(state, system.solve(damping, floor));
             const double next_energy = problem.evaluate(next, terms);
             if (!(next_energy < energy)) {
                 damping *= 8;

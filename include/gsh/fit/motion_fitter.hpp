@@ -54,7 +54,7 @@ public:
     MotionFitter(const BodyModel& model, const FittedBody& body, std::vector<std::vector<ViewKeypoints>> views,
                  std::vector<double> times, std::size_t camera_count, const MotionFitParams& params)
         : model_(&model), body_(&body), params_(&params), views_(std::move(views)), times_(std::move(times)),
-          camera_count_(camera_count), problem_(body, views_, times_), state_(motion_start<Real>(body, views_)) {
+          camera_count_(camera_count), problem_(body, views_, times_), state_(motion_start(body, views_)) {
         const BodyHeight height(model, body.shape_count);
         problem_.set_height(height.mean, height.directions);
         terms_.height = params.height;
@@ -69,13 +69,13 @@ public:
 
     void run(MotionFit& fit, std::size_t first_frame, bool find_offsets, const std::function<void(double)>& done) {
         terms_.metric = 2, terms_.prior = 1, terms_.fingers = false;
-        descend<Real>(problem_, state_, terms_, 12, 1e-2);
-        if (swap_back(fit, first_frame)) descend<Real>(problem_, state_, terms_, 8, 1e-2);
+        descend(problem_, state_, terms_, 12, 1e-2);
+        if (swap_back(fit, first_frame)) descend(problem_, state_, terms_, 8, 1e-2);
         free_limbs();
         done(0.2);
         terms_.metric = 0.3, terms_.prior = 0.3;
         if (find_offsets && camera_count_ > 1) {
-            descend<Real>(problem_, state_, terms_, 8, 1e-3);
+            descend(problem_, state_, terms_, 8, 1e-3);
             find_time_offsets(fit);
             find_shifts(fit);
         }
@@ -83,8 +83,8 @@ public:
         fit.turn = turn_of(*body_, state_);
         fit.held = params_->turn.value_or(one_camera() && fit.turn);
         if (fit.held) terms_.statue = 30, terms_.metric = 0.05;
-        descend<Real>(problem_, state_, terms_, 25, 1e-3);
-        if (swap_back(fit, first_frame)) descend<Real>(problem_, state_, terms_, 8, 1e-3);
+        descend(problem_, state_, terms_, 25, 1e-3);
+        if (swap_back(fit, first_frame)) descend(problem_, state_, terms_, 8, 1e-3);
         free_limbs();
         done(0.5);
         const bool masks = std::any_of(views_.begin(), views_.end(), [](const auto& frame) {
@@ -94,7 +94,7 @@ public:
             const OutlineSamples samples(*model_, *body_);
             const auto draw = [&](double reach, int steps, double tolerance) {
                 find_outlines(fit, samples, reach);
-                descend<Real>(problem_, state_, terms_, steps, tolerance);
+                descend(problem_, state_, terms_, steps, tolerance);
             };
             terms_.outline = 80, terms_.fingers = false;
             draw(0.10, 4, 1e-3);
@@ -108,7 +108,7 @@ public:
             problem_.set_outlines(samples, {}, {}); // they end with this function
         } else {
             terms_.fingers = true;
-            descend<Real>(problem_, state_, terms_, 12, 3e-4);
+            descend(problem_, state_, terms_, 12, 3e-4);
         }
         done(1);
     }
@@ -132,8 +132,7 @@ private:
     }
 
     void free_limbs() {
-        if (free_stuck_limbs<Real>(*body_, state_, views_, times_, terms_) > 0)
-            descend<Real>(problem_, state_, terms_, 8, 1e-3);
+        if (free_stuck_limbs(*body_, state_, views_, times_, terms_) > 0) descend(problem_, state_, terms_, 8, 1e-3);
     }
 
     bool swap_back(MotionFit& fit, std::size_t first_frame) {
@@ -161,7 +160,7 @@ private:
             }
             if (most < 0.02 * frame) break;
             views_ = at_common_times(taken, times_, offsets);
-            descend<Real>(problem_, state_, terms_, 8, 1e-3);
+            descend(problem_, state_, terms_, 8, 1e-3);
         }
         fit.time_offsets = offsets;
     }
@@ -179,7 +178,7 @@ private:
                 if (std::hypot(next.x, next.y) >= least * longer_side(c)) any |= move_camera(fit, c, found[c].shift);
             }
             if (!any) return;
-            descend<Real>(problem_, state_, terms_, 6, 1e-3);
+            descend(problem_, state_, terms_, 6, 1e-3);
         }
     }
 

@@ -88,7 +88,7 @@ std::size_t free_stuck_limbs(const FittedBody& body, MotionState& state,
                             return body.marks[static_cast<std::size_t>(landmark)].joint == body.axes[a].joint;
                         }))
                         alone.frames[0].angles[a] = state.frames[other].angles[a];
-                const double energy = descend<Real>(problem, alone, terms, 12, 1e-3).energy;
+                const double energy = descend(problem, alone, terms, 12, 1e-3).energy;
                 return std::pair(energy, alone.frames[0]);
             };
             auto best = descended_from(t);
