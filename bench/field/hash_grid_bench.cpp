@@ -25,7 +25,7 @@ void count(benchmark::State& state, std::size_t passes) {
 template <class B>
 struct Setup {
     B backend;
-    Grid grid;
+    Grid grid{{.growth = 1.5}};
     Grid::Query<B, float> query;
     std::vector<float> table = grid.initial_table<float>(1), features = std::vector<float>(points * Grid::output_count);
     FeatureView<float> view;

@@ -122,9 +122,6 @@ StillSplats splats_of_file(const std::filesystem::path& path, const std::string&
 std::string scene_endings() {
     return splat_endings(SplatEndings::read);
 }
-CameraList cameras_of_file(const std::filesystem::path& path) {
-    return read_cameras(path);
-}
 NamedCamera camera_of_file(const std::filesystem::path& path, const std::string& name) {
     return read_camera(path, name);
 }

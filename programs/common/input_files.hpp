@@ -75,8 +75,6 @@ StillSplats splats_of_file(const std::filesystem::path& path, const std::string&
                            std::optional<double> time = {});
 /// The endings of scenes, for help texts: ".ply, .compressed.ply, …".
 std::string scene_endings();
-/// read_cameras.
-CameraList cameras_of_file(const std::filesystem::path& path);
 /// read_camera.
 NamedCamera camera_of_file(const std::filesystem::path& path, const std::string& name);
 /// read_lpips.

@@ -208,7 +208,7 @@ Table worth_table(const std::vector<RunResult>& results) {
 
 Table cost_table(const std::vector<RunResult>& results) {
     Table table{{"configuration", "after", "training", "ms per step", "computed on", "Gaussians", "memory", "lookups",
-                 "touched entries", "touched by shadows"}};
+                 "touched entries", "touched by ambient occlusion"}};
     for (const RunResult& result : results) {
         if (result.marks.empty()) continue;
         const RunCost& cost = result.cost;

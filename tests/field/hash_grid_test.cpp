@@ -80,7 +80,7 @@ struct GridRun {
 } // namespace
 
 TEST_CASE("levels have the published geometry") {
-    const HashGrid<16, 4> grid;
+    const HashGrid<16, 4> grid({.growth = 1.5});
     CHECK(grid.level(0).scale == 3);
     CHECK(grid.level(0).resolution == 4);
     CHECK(grid.level(1).scale == 5);

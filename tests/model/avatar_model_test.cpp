@@ -93,7 +93,8 @@ struct Chain {
     static Model make(B& backend, const RigData& rig, const SurfaceSamples& samples,
                       const ConfiguredAvatarParams& config, const CanonicalPriors& priors = {},
                       ModelLight<B, double> light = {}) {
-        return make_avatar<B, double, 3, 2, 2>(backend, rig, samples, frame_count, 5, small(config), priors, light);
+        return make_avatar<B, AvatarParts, double, 3, 2, 2>(backend, rig, samples, frame_count, 5, small(config),
+                                                            priors, light);
     }
     /// Shadows have no gradient, so the loss must not depend on them.
     static ModelLight<B, double> lit(B& backend) {
@@ -277,8 +278,8 @@ TEST_CASE("ambient occlusion joins when the run has come to its start") {
     CHECK(chain.model.occludes());
     auto config = Chain<cpu::Serial>::small({.ao = AmbientOcclusion::time});
     config.model.occlusion_start = 0.3;
-    auto model = make_avatar<cpu::Serial, double, 3, 2, 2>(chain.backend, chain.rig, chain.samples,
-                                                           Chain<cpu::Serial>::frame_count, 5, config);
+    auto model = make_avatar<cpu::Serial, AvatarParts, double, 3, 2, 2>(chain.backend, chain.rig, chain.samples,
+                                                                        Chain<cpu::Serial>::frame_count, 5, config);
     CHECK(!model.occludes());
     model.update_canonical(chain.frame);
     model.pose(chain.pose, chain.frame, chain.camera.center(), chain.splats.view());
@@ -369,8 +370,8 @@ TEST_CASE("a box about a slim body has more of its cells on the body than a cube
     config.appearance.field.grid.table_size = 1u << 16; // no collisions
     const auto touched = [&](FieldBounds bounds) {
         config.points.bounds = bounds;
-        auto model = make_avatar<cpu::Serial, double, 3, 2, 2>(chain.backend, chain.rig, chain.samples,
-                                                               Chain<cpu::Serial>::frame_count, 5, config);
+        auto model = make_avatar<cpu::Serial, AvatarParts, double, 3, 2, 2>(chain.backend, chain.rig, chain.samples,
+                                                                            Chain<cpu::Serial>::frame_count, 5, config);
         return test::learned_array(model, "sh_field.table").touched_rows.size();
     };
     CAPTURE(touched(FieldBounds::cube));
@@ -421,8 +422,8 @@ TEST_CASE("the model refuses what does not fit") {
     fewer.positions.pop_back();
     const auto make = [&](const SurfaceSamples& samples, const ConfiguredAvatarParams& config = {},
                           const CanonicalPriors& priors = {}) {
-        return make_avatar<cpu::Serial, double, 3, 2, 2>(chain.backend, chain.rig, samples,
-                                                         Chain<cpu::Serial>::frame_count, 1, config, priors);
+        return make_avatar<cpu::Serial, AvatarParts, double, 3, 2, 2>(
+            chain.backend, chain.rig, samples, Chain<cpu::Serial>::frame_count, 1, config, priors);
     };
     CHECK_THROWS_AS(make(fewer), ShapeError);
     auto no_normals = chain.samples;

@@ -40,8 +40,8 @@ struct ConfiguredTube {
 
     ConfiguredAvatar<cpu::Serial, float, 2> make(const ConfiguredAvatarParams& config,
                                                  const CanonicalPriors& priors = {}) {
-        return make_avatar<cpu::Serial, float, 3, 2, 2>(backend, rig, samples, tube_frames, tube_seed,
-                                                        small_tube(config), priors);
+        return make_avatar<cpu::Serial, AvatarParts, float, 3, 2, 2>(backend, rig, samples, tube_frames, tube_seed,
+                                                                     small_tube(config), priors);
     }
     /// Splats' colours and means of a frame in a pose, and all gradients of an arbitrary backward pass.
     template <class Model>
@@ -125,7 +125,7 @@ TEST_CASE("a configuration chooses the sizes of the field of ambient occlusion")
     wide.occlusion.width = 2 * config.occlusion.width;
     fine.occlusion.grid.growth = 2 * config.occlusion.grid.growth;
     const auto size = [](const ConfiguredAvatarParams& c) {
-        return avatar_size<cpu::Serial, float, 3, 2>(c, 4, {}).fixed();
+        return avatar_size<cpu::Serial, AvatarParts, float, 3, 2>(c, 4, {}).fixed();
     };
     CHECK(size(wide) > size(config));
     CHECK(fine.occlusion_of(5).grid.growth == 2 * config.occlusion.grid.growth);
@@ -216,7 +216,7 @@ struct OwnParts : AvatarParts {
 TEST_CASE("settings name the parts of a user's list, and gsh's own by the same names as the three choices") {
     ConfiguredTube tube;
     const auto make = [&]<class Parts>(std::type_identity<Parts>, const ConfiguredAvatarParams& params) {
-        return make_avatar<cpu::Serial, float, 3, 2, 2, Parts>(tube.backend, tube.rig, tube.samples, tube_frames,
+        return make_avatar<cpu::Serial, Parts, float, 3, 2, 2>(tube.backend, tube.rig, tube.samples, tube_frames,
                                                                tube_seed, small_tube(params));
     };
     const auto own = std::type_identity<OwnParts>();
@@ -228,10 +228,10 @@ TEST_CASE("settings name the parts of a user's list, and gsh's own by the same n
     RigPose<cpu::Serial, float> pose;
     model.rig().upload_pose(rest_motion(tube.rig), 0, pose);
     for (const float ao : model.ao(pose, 0)) CHECK(ao == doctest::Approx(0.4));
-    const PartSize size = avatar_size<cpu::Serial, float, 3, 2, 2, OwnParts>(small_tube(params), 4, {});
-    CHECK(size.fixed() >
-          avatar_size<cpu::Serial, float, 3, 2>(small_tube({.hash_displacement = false, .hash_sh = false}), 4, {})
-              .fixed());
+    const PartSize size = avatar_size<cpu::Serial, OwnParts, float, 3, 2, 2>(small_tube(params), 4, {});
+    CHECK(size.fixed() > avatar_size<cpu::Serial, AvatarParts, float, 3, 2>(
+                             small_tube({.hash_displacement = false, .hash_sh = false}), 4, {})
+                             .fixed());
     CHECK_THROWS_WITH_AS((void)make(std::type_identity<AvatarParts>(), params),
                          doctest::Contains("appearance is 'painted', expected one of shared_field, separate_fields, "
                                            "color_field, displacement_field, stored"),
@@ -253,8 +253,8 @@ TEST_CASE("settings name the parts of a user's list, and gsh's own by the same n
 TEST_CASE("the same seed makes the same avatar, and another tube_seed another") {
     ConfiguredTube tube;
     auto a = tube.make({}), b = tube.make({});
-    auto c = make_avatar<cpu::Serial, float, 3, 2, 2>(tube.backend, tube.rig, tube.samples, tube_frames, tube_seed + 1,
-                                                      small_tube({}));
+    auto c = make_avatar<cpu::Serial, AvatarParts, float, 3, 2, 2>(tube.backend, tube.rig, tube.samples, tube_frames,
+                                                                   tube_seed + 1, small_tube({}));
     CHECK(test::learned_values(a) == test::learned_values(b));
     CHECK(test::learned_values(a) != test::learned_values(c));
 }

@@ -155,7 +155,7 @@ TEST_CASE("the same seed gives the same avatar on any number of threads, another
     check_done(run(s.reconstruct(other.path, {"--steps", "4", "--seed", "7"})));
     CHECK(!same_file(other.path / "avatar.ply", s.out / "avatar.ply"));
 
-    const OutFolder paper_one, paper_two; // shadows over time
+    const OutFolder paper_one, paper_two; // ambient occlusion over time
     check_done(run(s.reconstruct(paper_one.path, {"--config", "paper", "--steps", "12", "--threads", "1"})));
     check_done(run(s.reconstruct(paper_two.path, {"--config", "paper", "--steps", "12", "--threads", "2"})));
     CHECK(same_file(paper_one.path / "avatar.gsh", paper_two.path / "avatar.gsh"));

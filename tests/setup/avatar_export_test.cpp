@@ -135,7 +135,7 @@ TEST_CASE("an exported avatar has the learned joints, the model's way of posing 
     CHECK(!avatar.filter.compensate_opacity);
     CHECK(avatar.gaussians.sh_degree == 1);
     CHECK(avatar.gaussians.size() == training.model.size());
-    CHECK(avatar.ao.empty()); // the shadow has not joined
+    CHECK(avatar.ao.empty()); // ambient occlusion has not joined
     CHECK(!avatar.occlusion_field);
     training.steps(3, 0.6);
     const AvatarData shaded = training.exported();

@@ -93,7 +93,7 @@ Outcome train_avatar(const SmallScene& scene, const ConfiguredAvatarParams& conf
                      const TrainParams& train_config = small_training) {
     SmallTraining<B> training(scene, [] { return B(); }, 3, config, train_config);
     Outcome outcome;
-    take_steps(training.trainer, steps, 0.1); // the shadow joins at 0.1
+    take_steps(training.trainer, steps, 0.1); // ambient occlusion joins at 0.1
     observe(training.trainer, scene.photos[1], outcome);
     outcome.learned = training.parameters();
     const AvatarData avatar = training.exported();
@@ -225,7 +225,7 @@ Outcome train_refined(const SmallScene& scene, int steps = 8) {
 }
 
 /// The paper's avatar with everything refined: its levels, networks, SH, prior features, regions with fine levels, and
-/// shadows over time. Only the tables are smaller, since there are few Gaussians.
+/// ambient occlusion over time. Only the tables are smaller, since there are few Gaussians.
 ///
 /// One seed is not like another here. Of the many thousands of ReLUs in a step, now and then one has an input so near
 /// zero that two runs which differ by rounding have it on different sides. Adam, whose steps do not depend on the size

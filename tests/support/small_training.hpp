@@ -78,8 +78,8 @@ template <class B, class T = float>
 [[nodiscard]] SmallAvatar<B, T>
 small_avatar(B& backend, const RigData& rig, const SurfaceSamples& samples, std::size_t frame_count, std::uint64_t seed,
              const ConfiguredAvatarParams& config, const SmallNetwork& network = {}, ModelLight<B, T> light = {}) {
-    return make_avatar<B, T, 4, 2, 1>(backend, rig, samples, frame_count, seed, small(config, network), {},
-                                      std::move(light));
+    return make_avatar<B, AvatarParts, T, 4, 2, 1>(backend, rig, samples, frame_count, seed, small(config, network), {},
+                                                   std::move(light));
 }
 
 /// A model's own light, or none.

@@ -7,6 +7,7 @@
 #include <gsh/avatar/light_place.hpp>
 #include <gsh/avatar/occlusion_field.hpp>
 #include <gsh/avatar/rig.hpp>
+#include <gsh/avatar/skinned_gaussian.hpp>
 #include <gsh/avatar/skinned_splats.hpp>
 #include <gsh/backend/backend.hpp>
 #include <gsh/core/deferred.hpp>

@@ -4,6 +4,7 @@
 
 #include <gsh/avatar/deformation.hpp>
 #include <gsh/avatar/rig.hpp>
+#include <gsh/avatar/skinned_gaussian.hpp>
 #include <gsh/avatar/skinned_splats.hpp>
 #include <gsh/backend/backend.hpp>
 #include <gsh/core/deferred.hpp>

@@ -85,7 +85,7 @@ struct PreparedPose {
     [[nodiscard]] bool empty() const { return rotations.size() == 0; }
 };
 
-/// The name of PreparedPose until now.
+/// The former name of PreparedPose.
 template <Backend B, std::floating_point T = float>
 using RigShape [[deprecated("use PreparedPose")]] = PreparedPose<B, T>;
 

@@ -35,7 +35,7 @@ struct RetargetParams {
     std::string where = "retarget"; ///< a file, for messages
     std::vector<std::string>* warnings = nullptr;
 };
-/// The name of RetargetParams until now.
+/// The former name of RetargetParams.
 using RetargetOptions [[deprecated("use RetargetParams")]] = RetargetParams;
 
 /// Turns the motion of a rig into one of a body whose rest frames are the axes (the SMPL family, the built-in actor).

@@ -45,7 +45,7 @@ struct SurfaceSampleParams {
         f("sample_jitter", self.jitter, SettingRange::at_least(0));
     }
 };
-/// The name of SurfaceSampleParams until now.
+/// The former name of SurfaceSampleParams.
 using SurfaceSampleOptions [[deprecated("use SurfaceSampleParams")]] = SurfaceSampleParams;
 
 /// N points on a mesh, sorted along a Morton curve so that neighbours in memory are neighbours in space.

@@ -210,7 +210,8 @@ private:
         std::vector<std::uint32_t> entries;
         entries.reserve(count);
         for (std::size_t g = 0; g < query.grids.size(); ++g) {
-            std::vector<std::uint32_t> of_grid = downloaded(backend, Span<const std::uint32_t>(query.grids[g].touched));
+            const std::vector<std::uint32_t> of_grid =
+                downloaded(backend, Span<const std::uint32_t>(query.grids[g].touched));
             for (const std::uint32_t e : of_grid)
                 entries.push_back(e + static_cast<std::uint32_t>(g * grid_.entry_count()));
         }

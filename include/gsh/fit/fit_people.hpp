@@ -76,7 +76,7 @@ struct PersonToFit {
 /// them live in one world. Heights are those of the people; `params.height` does not count.
 ///
 /// Errors  those of fit_motion; ValueError without people.
-template <std::same_as<double> Real = double> // compiled only where it is called: Eigen's solvers take seconds
+template <std::same_as<double> Real = double> // see fit_motion
 [[nodiscard]] std::vector<MotionFit> fit_people(const BodyModel& body, const std::vector<Camera<double>>& cameras,
                                                 const std::vector<PersonToFit>& people,
                                                 const std::vector<double>& times, MotionFitParams params = {}) {

@@ -23,7 +23,7 @@ struct MotionDescent {
 ///
 /// Source  Levenberg, "A method for the solution of certain non-linear problems in least squares", 1944; the damping
 ///         multiplies the diagonal, as Marquardt, 1963.
-template <std::same_as<double> Real = double> // compiled only where it is called: Eigen's solvers take seconds
+template <std::same_as<double> Real = double> // see fit_motion
 MotionDescent descend(MotionProblem& problem, MotionState& state, const MotionTerms& terms, int most_steps,
                       double tolerance) {
     problem.set_reference(state);

@@ -34,7 +34,7 @@ namespace gsh {
 
 /// A usual pose in each frame, turned by the detector's guesses in metres and placed by the rays of its points. Frames
 /// without any take those of the nearest frame.
-template <std::same_as<double> Real = double> // compiled only where it is called: Eigen's solvers take seconds
+template <std::same_as<double> Real = double> // see fit_motion
 [[nodiscard]] MotionState motion_start(const FittedBody& body, const std::vector<std::vector<ViewKeypoints>>& views) {
     const Landmarks& marks = body.marks;
     constexpr std::array<int, 4> trunk{landmark_number("left_shoulder"), landmark_number("right_shoulder"),

@@ -58,7 +58,7 @@ inline double limb_misfit(const FrameKinematics& kinematics, const LimbLandmarks
 /// how many limbs were moved.
 ///
 /// Shapes  times [T], seconds.
-template <std::same_as<double> Real = double> // compiled only where it is called: Eigen's solvers take seconds
+template <std::same_as<double> Real = double> // see fit_motion
 std::size_t free_stuck_limbs(const FittedBody& body, MotionState& state,
                              const std::vector<std::vector<ViewKeypoints>>& views, const std::vector<double>& times,
                              MotionTerms terms) {

@@ -70,7 +70,7 @@ public:
     /// Solves the system with its diagonal multiplied by 1 + damping (Levenberg-Marquardt), and increased by `floor`.
     ///
     /// Errors  Error if the damped system is not positive definite.
-    template <std::same_as<double> Real = double> // compiled only where it is called: Eigen's solvers take seconds
+    template <std::same_as<double> Real = double> // compiled only where it is called
     [[nodiscard]] Solution solve(double damping = 0, double floor = 0) const {
         const std::size_t T = rows.size();
         Solution solution;

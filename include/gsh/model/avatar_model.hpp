@@ -5,6 +5,7 @@
 #include <gsh/avatar/avatar_pass.hpp>
 #include <gsh/avatar/deformation.hpp>
 #include <gsh/avatar/rig.hpp>
+#include <gsh/avatar/skinned_gaussian.hpp>
 #include <gsh/avatar/skinned_splats.hpp>
 #include <gsh/backend/backend.hpp>
 #include <gsh/body/surface_samples.hpp>

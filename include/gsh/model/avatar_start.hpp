@@ -26,11 +26,11 @@ struct AvatarModelParams {
     double initial_thickness = 0.1;
     ColorClamp clamping = ColorClamp::both;
     Deformation deformation = Deformation::linear;
-    double occlusion_start = 0.1; ///< share of the run after which ao is used and learned; it is 1 before
+    double occlusion_start = 0.1; ///< share of the run after which ao is used and learned; 1 before; paper: 0.4
     /// Share of the run after which colours depend on the direction. If they do from the start, one camera's colours
     /// explain what its exposure does while the person turns.
     double sh_start = 0;
-    double joint_rate = 5e-4;         ///< metres
+    double joint_rate = 5e-4; ///< metres
     double quat_rate = 1e-3;
     double log_scale_rate = 5e-3;
     double opacity_logit_rate = 0.05;

@@ -39,7 +39,7 @@ using ConfiguredAvatar = AvatarModel<B, AnyAppearance<T, Degree>, AnyOcclusion<B
 /// list of your own adds types to these, or leaves some out:
 ///
 ///     struct MyParts : AvatarParts {
-///         template <Backend B, class T, int Degree, int Levels, int Features>
+///         template <Backend B, std::floating_point T, int Degree, int Levels, int Features>
 ///         using Appearances =
 ///             typename AvatarParts::Appearances<B, T, Degree, Levels, Features>::template With<
 ///                 Named<"mine", MyAppearance<B, T>>>;
@@ -65,8 +65,8 @@ struct AvatarParts {
                    Named<"pose", PoseOcclusion<B, T, Levels, Features>>>;
 };
 
-/// Checks that the lists have all parts that the settings name, the range of each setting, and settings that depend on
-/// each other. `where` names the caller in messages.
+/// Checks that the lists have all parts that the settings name, and settings that depend on each other. `where` names
+/// the caller in messages.
 /// Errors  ValueError that names the settings.
 template <class Parts = AvatarParts>
 void check_parts(const ConfiguredAvatarParams& params, const std::string& where) {
@@ -74,7 +74,7 @@ void check_parts(const ConfiguredAvatarParams& params, const std::string& where)
     const std::string prefix = where + ": ";
     Parts::template Appearances<B, float, 2, 16, 4>::check_name(prefix + "appearance", params.appearance_name());
     Parts::template Occlusions<B, float, 16, 4>::check_name(prefix + "ao", params.ao);
-    check_ranges(where, params);
+    check_ranges(where, params.occlusion);
     const auto text = [](double value) { return detail::setting_text(value); };
     check_value(params.occlusion.initial < params.occlusion.largest, where,
                 "ao.initial is " + text(params.occlusion.initial) + " and ao.largest " +
@@ -90,8 +90,8 @@ void check_parts(const ConfiguredAvatarParams& params, const std::string& where)
 ///
 /// Errors  ShapeError, ValueError: samples or priors that are not of the rig's points, settings out of range, parts
 ///         that no list has.
-template <Backend B, std::floating_point T = float, int Levels = 16, int Features = 4, int Degree = 2,
-          class Parts = AvatarParts>
+template <Backend B, class Parts = AvatarParts, std::floating_point T = float, int Levels = 16, int Features = 4,
+          int Degree = 2>
 [[nodiscard]] ConfiguredAvatar<B, T, Degree>
 make_avatar(B& backend, const RigData& rig, const SurfaceSamples& samples, std::size_t frame_count, std::uint64_t seed,
             const ConfiguredAvatarParams& params = {}, const CanonicalPriors& priors = {},
@@ -121,8 +121,8 @@ make_avatar(B& backend, const RigData& rig, const SurfaceSamples& samples, std::
 }
 
 /// The size of the avatar that make_avatar would make, on a rig of `joint_count` joints. Allocates no array.
-template <Backend B, std::floating_point T = float, int Levels = 16, int Features = 4, int Degree = 2,
-          class Parts = AvatarParts>
+template <Backend B, class Parts = AvatarParts, std::floating_point T = float, int Levels = 16, int Features = 4,
+          int Degree = 2>
 [[nodiscard]] PartSize avatar_size(const ConfiguredAvatarParams& params, std::size_t joint_count,
                                    const PriorInputs& inputs) {
     constexpr std::size_t frame_count = 1; // no array depends on the motion's length

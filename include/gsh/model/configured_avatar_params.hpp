@@ -10,6 +10,7 @@
 #include <gsh/model/canonical_points.hpp>
 #include <gsh/model/field_appearance.hpp>
 #include <gsh/model/field_occlusion.hpp>
+#include <gsh/model/occlusion.hpp>
 
 #include <array>
 #include <cstddef>
@@ -44,7 +45,8 @@ struct ConfiguredAvatarParams {
 
     /// Name of the ambient occlusion among those of make_avatar's list, for instance AmbientOcclusion::time.
     std::string ao = AmbientOcclusion::none;
-    FieldOcclusionParams occlusion = {}; ///< the coarsest level and the number of hidden layers are the appearance's
+    FieldOcclusionParams occlusion =
+        {}; ///< grid.base, hidden_layers and seed are not read: the appearance's and the run's
 
     /// Colours are those of the surface, shaded by light that falls on the posed mesh. Light is also right in a new
     /// motion. `ao` is then what light does not explain.

@@ -24,7 +24,7 @@ namespace gsh {
 /// Settings of an appearance.
 struct AppearanceParams {
     FieldParams field = {};
-    int fine_level = 12;          ///< the first level that only points with τ > 0 read
+    int fine_level = 12; ///< only points with τ > 0 read it and finer ones; 11 still resolves 4.3 mm, a torso's pixel
     bool separate_tables = false; ///< coarse and fine levels have a table each
     double sh_dc_scale = 60;      ///< factor on a field's outputs for constant colours
     /// Number of frames of the motion if fields read γ(t), and colours and displacements change with the frame. Else 0.

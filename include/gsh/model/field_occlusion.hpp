@@ -8,6 +8,7 @@
 #include <gsh/core/setting.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/field/features.hpp>
+#include <gsh/field/hash_grid.hpp>
 #include <gsh/field/mlp.hpp>
 #include <gsh/learn/frame_codes.hpp>
 #include <gsh/learn/learned_array.hpp>
@@ -216,7 +217,7 @@ private:
     detail::FieldOcclusion<B, T, Levels, Features> field_;
 };
 
-/// Names until now.
+/// Former names.
 using FieldShadowParams [[deprecated("use FieldOcclusionParams")]] = FieldOcclusionParams;
 template <Backend B, std::floating_point T = float, int Levels = 16, int Features = 4>
 using TimeShadow [[deprecated("use TimeOcclusion")]] = TimeOcclusion<B, T, Levels, Features>;

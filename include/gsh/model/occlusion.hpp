@@ -141,7 +141,7 @@ private:
     std::unique_ptr<Interface> self_;
 };
 
-/// Names until now.
+/// Former names.
 template <Backend B, std::floating_point T = float>
 using ShadowInput [[deprecated("use OcclusionInput")]] = OcclusionInput<B, T>;
 template <Backend B, std::floating_point T = float>

@@ -219,7 +219,7 @@ public:
 
     /// The gain of each photograph on red, green and blue, in linear light. Waits for the backend.
     [[nodiscard]] std::vector<std::array<double, 3>> gains() const {
-        std::vector<T> host = downloaded(*backend_, log_gains_.values());
+        const std::vector<T> host = downloaded(*backend_, log_gains_.values());
         std::vector<std::array<double, 3>> result(host.size() / 3);
         for (std::size_t i = 0; i < host.size(); ++i) result[i / 3][i % 3] = std::exp(static_cast<double>(host[i]));
         return result;

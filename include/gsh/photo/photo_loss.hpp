@@ -13,6 +13,7 @@
 #include <gsh/image/image.hpp>
 #include <gsh/loss/metrics.hpp>
 #include <gsh/loss/photometric.hpp>
+#include <gsh/loss/photometric_cache.hpp>
 #include <gsh/photo/backdrop.hpp>
 #include <gsh/photo/photo.hpp>
 #include <gsh/photo/photo_pixels.hpp>

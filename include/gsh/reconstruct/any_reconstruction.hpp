@@ -28,8 +28,8 @@ struct TableCounts {
     std::size_t ao_entries = 0, ao_touched = 0;
 };
 
-/// The models and their trainer on a backend that is chosen at run time: Reconstruction<B> is the one on B. settle()
-/// comes before its calls.
+/// The models and their trainer on a backend that is chosen at run time: Reconstruction<B> is the one on B. Call
+/// settle() before the calls below.
 class AnyReconstruction : public AnyTraining {
 public:
     const ReconstructionSetup setup;

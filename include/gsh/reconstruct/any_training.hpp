@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  A training on whichever backend: the calls of train().
+/// @file  A training on whichever backend, and how long it is: what train() needs.
 #pragma once
 
 #include <gsh/train/stage.hpp>

@@ -141,8 +141,8 @@ private:
 
         Person(B& backend, const ReconstructionSetup::Person& from, const CanonicalPriors& priors,
                const ConfiguredAvatarParams& config, ModelLight<B> light)
-            : model(make_avatar<B, float, 16, 4, 2, Parts>(backend, from.rig, from.samples, from.motion.frame_count(),
-                                                           from.seed, config, priors, std::move(light))) {}
+            : model(make_avatar<B, Parts>(backend, from.rig, from.samples, from.motion.frame_count(), from.seed, config,
+                                          priors, std::move(light))) {}
     };
     using PriorsOfPeople = std::vector<CanonicalPriors>;
 
@@ -162,6 +162,7 @@ private:
     static ReconstructionSetup setup_of(B& backend, H& host, ReconstructionInput& input, const Recipe& recipe,
                                         const Observer& observer) {
         check_input(input);
+        check_settings<Parts>(recipe.configuration, "Recipe::configuration");
         if (recipe.refine && recipe.registration) register_people(backend, host, input, recipe, observer);
         ReconstructionSetup made = make_setup<Parts>(host, input, recipe, observer, !B::host_memory);
         take_photographs(made, input.capture);

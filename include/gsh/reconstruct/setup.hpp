@@ -16,6 +16,8 @@
 #include <gsh/io/capture/photos.hpp>
 #include <gsh/light/light.hpp>
 #include <gsh/model/canonical_points.hpp>
+#include <gsh/model/configured_avatar.hpp>
+#include <gsh/model/configured_avatar_params.hpp>
 #include <gsh/photo/photo.hpp>
 #include <gsh/reconstruct/input.hpp>
 #include <gsh/reconstruct/observer.hpp>
@@ -134,12 +136,12 @@ std::size_t gaussians_within_memory(const ReconstructionInput& input, const Reci
     for (const auto& camera : input.capture.cameras)
         pixels = std::max(pixels, static_cast<std::size_t>(camera.camera.width) *
                                       static_cast<std::size_t>(camera.camera.height));
-    const MemoryModel memory = training_memory<B, float, Parts>(setup.configuration.avatar, pixels,
-                                                                bytes_of_images(setup, on_device), input.people.size(),
-                                                                {.joint_count = input.body().joint_count(),
-                                                                 .vertex_count = input.body().vertex_count(),
-                                                                 .frame_count = input.capture.frame_count()},
-                                                                on_device ? device_costs : host_costs);
+    const MemoryModel memory = training_memory<B, Parts>(setup.configuration.avatar, pixels,
+                                                         bytes_of_images(setup, on_device), input.people.size(),
+                                                         {.joint_count = input.body().joint_count(),
+                                                          .vertex_count = input.body().vertex_count(),
+                                                          .frame_count = input.capture.frame_count()},
+                                                         on_device ? device_costs : host_costs);
     const std::size_t count = std::min(recipe.gaussians, memory.gaussians_within(recipe.max_memory));
     if (count < recipe.gaussians / 10)
         throw ValueError("Recipe::max_memory (--max-memory of the programs) is " + std::to_string(recipe.max_memory) +

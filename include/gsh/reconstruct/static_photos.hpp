@@ -3,6 +3,7 @@
 #pragma once
 
 #include <gsh/backend/backend.hpp>
+#include <gsh/camera/pinhole.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/core/message.hpp>
 #include <gsh/image/image.hpp>
@@ -11,6 +12,8 @@
 #include <gsh/io/capture/capture_photos.hpp>
 #include <gsh/io/capture/colmap.hpp>
 #include <gsh/io/capture/colmap_image.hpp>
+#include <gsh/io/capture/named_camera.hpp>
+#include <gsh/io/image/image_file.hpp>
 #include <gsh/photo/photo.hpp>
 #include <gsh/setup/static_start.hpp>
 
@@ -45,7 +48,7 @@ struct StaticPhotos {
 /// Loads a folder. A folder with cameras.json is a capture, of which only the cameras and the images of one frame are
 /// read; it needs neither a body nor poses. Any other folder is a reconstruction of COLMAP: FOLDER/sparse/0 (or FOLDER
 /// itself), FOLDER/images, and FOLDER/masks if it exists. Every eighth image by name, beginning with the first one, is
-/// a test image. Photographs whose mask is empty are left out.
+/// a test image, and photographs whose mask is empty are left out.
 ///
 /// Errors  IoError, ValueError that name the file.
 template <HostExecutor E>

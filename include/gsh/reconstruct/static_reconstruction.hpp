@@ -56,8 +56,8 @@ struct StaticSetup {
             .config = config};
 }
 
-/// A scene in training on a backend that is chosen at run time: StaticReconstruction<B> is the one on B. settle() comes
-/// before its calls.
+/// A scene in training on a backend that is chosen at run time: StaticReconstruction<B> is the one on B. Call settle()
+/// before the calls below.
 class AnyStaticReconstruction : public AnyTraining {
 public:
     /// The number of Gaussians.

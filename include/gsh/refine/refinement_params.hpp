@@ -55,7 +55,7 @@ struct RefinementParams {
     RefinedGroup camera_focal{.terms = {.pull = 1e-3}};
     RefinedGroup camera_principal_point{.terms = {.pull = 1e-9}};
     double final_rate = 0.1;                   ///< final share of each group's rate
-    double finger_rate = 1;                    ///< factor on the pose's rate at fingers, see joint_rates()
+    double finger_rate = 1;                    ///< of runs, which make joint_rates of it: a factor at fingers
     double face_rate = 1;                      ///< the same at jaw and eyes
     std::vector<double> joint_rates = {};      ///< [J] factors on the pose's rate; empty: all 1
     std::vector<std::size_t> left_out = {};    ///< test frames: they do not learn, and terms between frames skip them
@@ -102,7 +102,7 @@ struct RefinementParams {
         return camera_principal_point;
     }
 };
-/// The name of RefinementParams until now.
+/// The former name of RefinementParams.
 using RefinementConfig [[deprecated("use RefinementParams")]] = RefinementParams;
 
 /// Throws ShapeError or ValueError unless rates, starts and weights are finite and not negative, final_rate is in

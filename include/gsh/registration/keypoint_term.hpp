@@ -125,7 +125,7 @@ public:
     [[nodiscard]] double value(std::size_t frame, const RigPose<B, T>& pose) {
         if (!counts(frame)) return 0;
         pull(frame, pose);
-        std::vector<double> cost = downloaded(*backend_, Span<const double>(cost_));
+        const std::vector<double> cost = downloaded(*backend_, Span<const double>(cost_));
         return std::accumulate(cost.begin(), cost.end(), 0.0);
     }
 

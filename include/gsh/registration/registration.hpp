@@ -11,10 +11,13 @@
 #include <gsh/core/span.hpp>
 #include <gsh/fit/view_keypoints.hpp>
 #include <gsh/image/pixel_box.hpp>
+#include <gsh/model/avatar_start.hpp>
 #include <gsh/model/configured_avatar.hpp>
 #include <gsh/photo/photo.hpp>
+#include <gsh/photo/photo_gain.hpp>
 #include <gsh/photo/reduced_photos.hpp>
 #include <gsh/refine/refinement.hpp>
+#include <gsh/refine/refinement_params.hpp>
 #include <gsh/registration/frame_doubt.hpp>
 #include <gsh/registration/keypoint_term.hpp>
 #include <gsh/setup/canonical_setup.hpp>

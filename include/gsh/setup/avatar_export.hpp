@@ -5,6 +5,7 @@
 #include <gsh/avatar/avatar.hpp>
 #include <gsh/avatar/light_place.hpp>
 #include <gsh/avatar/rig.hpp>
+#include <gsh/avatar/skinned_gaussian.hpp>
 #include <gsh/backend/backend.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/gaussian/gaussians.hpp>

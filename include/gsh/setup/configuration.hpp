@@ -7,6 +7,8 @@
 #include <gsh/core/enum_names.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/core/setting.hpp>
+#include <gsh/field/hash_grid.hpp>
+#include <gsh/model/canonical_points.hpp>
 #include <gsh/model/configured_avatar.hpp>
 #include <gsh/model/configured_avatar_params.hpp>
 #include <gsh/model/occlusion.hpp>
@@ -16,13 +18,8 @@
 #include <gsh/train/train_params.hpp>
 
 #include <array>
-#include <concepts>
-#include <cstddef>
 #include <string>
 #include <string_view>
-#include <type_traits>
-#include <utility>
-#include <vector>
 
 namespace gsh {
 
@@ -54,7 +51,7 @@ struct Configuration {
     bool region_samples = true; ///< K(x): more Gaussians on face and hands; if false, as many at every vertex
     FineLevels fine_levels = FineLevels::region;
     RegionMaskParams region;
-    SurfaceSampleParams samples; ///< their number is the run's
+    SurfaceSampleParams samples; ///< its total is not read: it is the run's
     bool depth_prior = true;     ///< φ_d: four depths of the body's mesh
     bool normal_prior = true;    ///< φ_n: two normals of the body's mesh
     PriorFeatureParams prior;
@@ -66,7 +63,7 @@ struct Configuration {
     /// Whether Gaussians that no photograph saw are filled after training (setup/unseen_points.hpp).
     bool fill_unseen = true;
     RefinementParams refinement; ///< used by runs with refinement
-    PoseFitParams test_fit;      ///< of a test frame's pose; loss and background are those of training
+    PoseFitParams test_fit;      ///< of a test frame's pose; only steps and mask_weight are read
 
     /// Whether a region mask is needed: samples or fine levels depend on it.
     [[nodiscard]] bool has_regions() const { return region_samples || fine_levels == FineLevels::region; }
@@ -122,7 +119,7 @@ inline constexpr std::string_view default_configuration = "light";
         c.avatar.heads = Heads::separate;
         c.avatar.appearance.field.grid.growth = 1.5;
         c.avatar.appearance.sh_dc_scale = 20;
-        c.avatar.appearance.displacement_rate = 1e-4;
+        c.avatar.appearance.displacement_rate = 1e-4; // slow fields
         c.avatar.appearance.sh_rate = 5e-4;
         c.avatar.occlusion.grid = HashGridParams{.growth = 1.5, .table_size = 1u << 19};
         c.avatar.occlusion.width = 64;

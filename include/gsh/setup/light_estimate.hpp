@@ -234,8 +234,9 @@ template <Backend B>
                                            const LightEstimateParams& params = {}) {
     constexpr std::string_view where = "estimate_light";
     check_value(!people.empty() && !photos.empty(), where, "there are no people or no photographs");
-    check_value(params.light.points + params.light.directions > 0, where,
-                "points and directions are 0, expected a light");
+    check_value(params.light.points >= 0 && params.light.directions >= 0 &&
+                    params.light.points + params.light.directions > 0,
+                where, "points and directions must not be negative, and one of them must be above 0");
     check_value(params.light.points == 0 || params.candidates > 0, where,
                 "candidates is 0, expected places for the points");
     check_value(params.light.distance > 0 && std::isfinite(params.light.distance), where,

@@ -59,11 +59,11 @@ inline constexpr BufferCosts device_costs{
 /// of `paper`, and with 20,000 Gaussians 1.00 to 1.05 times the peaks of `paper`, `no-ao`, `light` and `baseline`. A
 /// budget therefore needs a margin of its own. Each of several people has own fields; the number of Gaussians is that
 /// of one person.
-template <Backend B, std::floating_point T = float, class Parts = AvatarParts>
+template <Backend B, class Parts = AvatarParts, std::floating_point T = float>
 [[nodiscard]] MemoryModel training_memory(const ConfiguredAvatarParams& config, std::size_t pixels, std::uint64_t held,
                                           std::size_t people = 1, const AvatarInputs& inputs = {},
                                           const BufferCosts& costs = host_costs) {
-    const PartSize avatar = avatar_size<B, T, 16, 4, 2, Parts>(config, inputs.joint_count, inputs.priors);
+    const PartSize avatar = avatar_size<B, Parts, T>(config, inputs.joint_count, inputs.priors);
     const std::uint64_t others = costs.per_gaussian + costs.per_query * avatar.queries;
     MemoryModel memory{.fixed = costs.fixed + held + costs.per_pixel * pixels + people * sizeof(T) * avatar.fixed(),
                        .per_gaussian = people * (others + sizeof(T) * avatar.per_point())};

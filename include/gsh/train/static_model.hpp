@@ -79,7 +79,7 @@ struct StaticModelParams {
         PixelFilter::for_each_setting(self.filter, f);
     }
 };
-/// The name of StaticModelParams until now.
+/// The former name of StaticModelParams.
 using StaticConfig [[deprecated("use StaticModelParams")]] = StaticModelParams;
 
 /// The settings for another number of steps, in the same proportions as 3DGS's 30,000. A change still collects at least
@@ -132,8 +132,8 @@ struct WidenSh {
 /// Gaussians of one moment that learn from photographs. Density control changes their number. Colours start with degree
 /// 0 of spherical harmonics and gain a degree every sh_interval steps. Every frame shows the same moment.
 ///
-/// Errors  ValueError: no Gaussians, more than max_gaussians, a degree beyond StaticModelParams's; after a step, if
-///         pruning leaves none.
+/// Errors  ValueError: no Gaussians, more than max_gaussians, a degree beyond StaticModelParams::sh_degree; after a
+///         step, if pruning leaves none.
 /// Source  Kerbl et al., "3D Gaussian Splatting for Real-Time Radiance Field Rendering", 2023.
 template <Backend B, std::floating_point T = float>
 class StaticModel : public PlainScene<B, T> {

@@ -2,7 +2,6 @@
 /// @file  How a scene is trained: loss, backgrounds, and how learning rates fall over a run.
 #pragma once
 
-#include <gsh/core/error.hpp>
 #include <gsh/core/rng.hpp>
 #include <gsh/core/setting.hpp>
 #include <gsh/gaussian/splats.hpp>
@@ -75,7 +74,7 @@ struct TrainParams {
         PixelFilter::for_each_setting(self.filter, f);
     }
 };
-/// The name of TrainParams until now.
+/// The former name of TrainParams.
 using TrainConfig [[deprecated("use TrainParams")]] = TrainParams;
 
 /// Loss and filter of the direct baseline, as in its code. Its rates do not fall. docs/quality.md compares

@@ -88,7 +88,7 @@ struct ShadedTraining {
 
     explicit ShadedTraining(const std::string& ao, int hidden_layers = 2, double normal_rate = 0,
                             const std::optional<LightData>& light = {})
-        : model(make_avatar<cpu::Serial, float, 4, 2, 1>(
+        : model(make_avatar<cpu::Serial, AvatarParts, float, 4, 2, 1>(
               backend, rig, samples, scene.motion.frame_count(), 3,
               {.appearance = {.field = {.grid = {.base = 4, .growth = 2, .table_size = 1024},
                                         .width = 16,

@@ -144,7 +144,7 @@ TEST_CASE("with refinement and shadows, too, a resumed training goes on bit for 
     CHECK(whole.refinement.cameras()[1].t != scene.cameras[1].t); // cameras did learn
     CHECK(whole.refinement.motion().pose != scene.motion.pose);
     CHECK(whole.training.mean_ao().size() == whole.training.model.size());
-    for (const int stop : {1, 5, 13}) { // before poses learn, before the shadow learns, after both
+    for (const int stop : {1, 5, 13}) { // before poses learn, before ambient occlusion learns, after both
         CAPTURE(stop);
         const TemporaryFile file("gsh-checkpoint-");
         {

@@ -79,7 +79,7 @@ TEST_CASE("photographs beyond the budget are brought ahead of their steps, which
     }
 }
 
-TEST_CASE("so do shadows over the pose, stored attributes, separate heads and other deformations") {
+TEST_CASE("so do ambient occlusion over the pose, stored attributes, separate heads and other deformations") {
     if (skip_without_device()) return;
     const SmallScene scene;
     const ConfiguredAvatarParams configs[] = {

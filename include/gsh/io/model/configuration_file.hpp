@@ -54,7 +54,8 @@ struct SettingsFile {
 /// "configuration", the file changes default_configuration.
 ///
 /// Errors  IoError for a file that is not a flat JSON object; ValueError, naming the file, for an unknown configuration
-///         or setting, or an invalid value.
+///         or setting, or an invalid value. check_settings checks names of types (ao, appearance), because a program
+///         may list types of its own.
 [[nodiscard]] inline Configuration read_configuration(const std::filesystem::path& path) {
     const detail::SettingsFile file(path);
     Configuration configuration = detail::configuration_of_person(
