@@ -123,7 +123,7 @@ std::vector<Run> planned_runs(const EvaluateOptions& o) {
                 runs.push_back(std::move(run));
                 continue;
             }
-            check_value(same->settings == run.settings, "--configs",
+            check_value(same_settings(same->settings, run.settings), "--configs",
                         "two configurations are called '" + run.name + "'; rename one of the files");
         }
     check_value(o.common.priors.empty() ||
@@ -174,9 +174,13 @@ void EvaluationFolder::add(const Run& run) {
     write_json(index(), {{"input", input_}, {"runs", keys_}});
 }
 
+bool same_settings(const Json& a, const Json& b) {
+    return nlohmann::json(a) == nlohmann::json(b); // Json keeps the order of members, and compares it
+}
+
 bool EvaluationFolder::has(const Run& run) const {
     const std::optional<RunResult> result = read(run.key);
-    if (!result || result->settings != run.settings) return false;
+    if (!result || !same_settings(result->settings, run.settings)) return false;
     return std::all_of(run.marks.begin(), run.marks.end(), [&](std::uint64_t steps) {
         return std::any_of(result->marks.begin(), result->marks.end(),
                            [&](const Mark& mark) { return mark.steps == steps; });

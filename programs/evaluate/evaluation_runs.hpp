@@ -41,6 +41,9 @@ struct Run {
     [[nodiscard]] std::filesystem::path file(const std::string& file_name) const { return options.out / file_name; }
 };
 
+/// Whether settings are the same, in whatever order they are listed.
+[[nodiscard]] bool same_settings(const Json& a, const Json& b);
+
 /// The runs that the options request, in their order, without repetitions.
 /// Errors  ValueError for an unknown configuration or setting, an invalid budget, or options that exclude each other.
 [[nodiscard]] std::vector<Run> planned_runs(const EvaluateOptions& o);

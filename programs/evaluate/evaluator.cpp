@@ -65,7 +65,7 @@ void resume(const Run& run, AnyReconstruction& reconstruction, TrainingRecord& r
             for (const Json& mark : json.at("marks")) kept.push_back(mark_of(mark));
             return std::pair(json.at("settings"), std::move(kept));
         });
-        if (said.first == run.settings) {
+        if (same_settings(said.first, run.settings)) {
             record = load_checkpoint(checkpoint_path(run.options), reconstruction, resume_advice);
             const bool passed = std::any_of(run.marks.begin(), run.marks.end(), [&](std::uint64_t steps) {
                 return steps < record.steps && std::none_of(

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "evaluate/evaluation_runs.hpp"
 #include "loss/lpips_networks.hpp"
 #include "programs/process.hpp"
 #include "programs/small_capture.hpp"
@@ -382,4 +383,11 @@ TEST_CASE("what cannot be evaluated is refused in a line, and leaves nothing") {
     test::truncate_file(out / "runs/paper-1-steps/result.json", 200);
     check_refused(run(s.evaluate(out, s.configs({"paper"}), {"--steps", "1"})), "gsh-evaluate",
                   {"result.json", "truncated"});
+}
+
+TEST_CASE("a run keeps its results where its settings are only listed in another order") {
+    const Json settings{{"ao", "time"}, {"rate.sh", "0.002"}}, turned{{"rate.sh", "0.002"}, {"ao", "time"}};
+    CHECK(programs::same_settings(settings, turned));
+    CHECK(!programs::same_settings(settings, Json{{"ao", "time"}, {"rate.sh", "0.003"}}));
+    CHECK(!programs::same_settings(settings, Json{{"ao", "time"}}));
 }
