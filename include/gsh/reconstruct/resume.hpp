@@ -10,8 +10,9 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <deque>
 #include <filesystem>
-#include <set>
+#include <map>
 #include <sstream>
 #include <string>
 #include <string_view>
@@ -50,17 +51,29 @@ inline std::string checkpoint_text(const ReconstructionSetup& setup) {
     return setup.run + "gaussians = " + std::to_string(setup.gaussian_count()) + "\n";
 }
 
-/// A text with its settings ("rate.sh = 0.002") sorted at the end, because a run does not depend on the order in which
-/// they are listed.
-inline std::string with_sorted_settings(const std::string& text) {
-    std::istringstream lines(text);
-    std::string others, line;
-    std::set<std::string> settings;
-    while (std::getline(lines, line))
-        if (line.find(" = ") == std::string::npos) others += line + "\n";
-        else settings.insert(line);
-    for (const std::string& setting : settings) others += setting + "\n";
-    return others;
+/// `there` with its settings ("rate.sh = 0.002") in the order in which `here` lists them, because a run does not depend
+/// on it.
+inline std::string in_order_of(const std::string& here, const std::string& there) {
+    const auto key_of = [](const std::string& line) { return line.substr(0, line.find(" = ")); };
+    const auto is_setting = [&](const std::string& line) { return key_of(line) != line; };
+    std::map<std::string, std::string> settings;
+    std::deque<std::string> others;
+    std::string line, result;
+    for (std::istringstream lines(there); std::getline(lines, line);)
+        if (is_setting(line)) settings[key_of(line)] = line;
+        else others.push_back(line);
+    for (std::istringstream lines(here); std::getline(lines, line);)
+        if (!is_setting(line)) {
+            if (others.empty()) continue;
+            result += others.front() + "\n";
+            others.pop_front();
+        } else if (const auto same = settings.find(key_of(line)); same != settings.end()) {
+            result += same->second + "\n";
+            settings.erase(same);
+        }
+    for (const std::string& other : others) result += other + "\n";
+    for (const auto& [key, setting] : settings) result += setting + "\n";
+    return result;
 }
 
 /// A message with the first line in which two texts differ.
@@ -83,9 +96,9 @@ inline ArchiveReader open_checkpoint(const std::filesystem::path& path) {
 
 inline void check_run(const std::filesystem::path& path, const std::string& there, const std::string& here,
                       std::string_view advice) {
-    const std::string of_file = with_sorted_settings(there), of_run = with_sorted_settings(here);
-    check_value(of_file == of_run, path.string(),
-                "belongs to a different run: " + difference(of_file, of_run) + std::string(advice));
+    const std::string ordered = in_order_of(here, there);
+    check_value(ordered == here, path.string(),
+                "belongs to a different run: " + difference(ordered, here) + std::string(advice));
 }
 
 } // namespace detail
