@@ -43,8 +43,7 @@ void story(const std::filesystem::path&) {
     for (int step = 0; step < 200; ++step) trainer.step(step / 200.0);
 
     // 4. The result.
-    std::vector<float> g(actor.motion.frame_count());
-    backend.download(Span<const float>(model.occlusion().g.values()), Span<float>(g));
+    const std::vector<float> g = downloaded(backend, model.occlusion().g.values());
     const double ratio = std::exp(0.5 * (g[1] + g[3] - g[0] - g[2]));
     examples::claim(std::abs(ratio - 0.6) < 0.05, "the factor of dark frames is 0.6, found " + std::to_string(ratio));
 }

@@ -51,8 +51,7 @@ Json settings_json(const Run& run) {
         json["points"] = std::to_string(scene.points);
         for (const auto& [key, value] : settings_of(scene.config)) json[key] = value;
     } else {
-        for (const auto& [key, value] : settings_of(run.configuration))
-            if (!value.empty()) json[key] = value;
+        for (const auto& [key, value] : stated_settings_of(run.configuration)) json[key] = value;
         if (!run.options.priors.empty())
             json["priors"] = run.options.priors.filename().string() + " " + priors_checksum(run.options.priors);
     }

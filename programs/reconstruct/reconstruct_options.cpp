@@ -39,14 +39,6 @@ void set_all(C& configuration, const std::vector<std::string>& settings) {
     }
 }
 
-/// Checks the names of types in a configuration as it was before --set.
-void check_names(const Configuration& configuration, const std::string& where) {
-    Configuration names;
-    names.avatar.ao = configuration.avatar.ao;
-    names.avatar.appearance_type = configuration.avatar.appearance_type;
-    check_settings(names, where);
-}
-
 } // namespace
 
 void complete_poses(PeopleOptions& o) {
@@ -105,7 +97,7 @@ bool is_scene(const ReconstructOptions& o) {
 Configuration configuration_of(const ReconstructOptions& o) {
     const std::string name = o.config.value_or(std::string(default_configuration));
     Configuration configuration = configuration_called(name, "--config");
-    check_names(configuration, name);
+    check_part_names(configuration.avatar, name); // before --set, so that a message names the file
     set_all(configuration, o.set);
     check_settings(configuration, o.set.empty() ? name : "--set");
     configuration.name += set_words(o);

@@ -336,8 +336,7 @@ std::optional<TestFigures> write_results(OutputFolder& out, const ReconstructOpt
     json["seed"] = o.seed;
     add_machine(json, machine.computed_on());
     json["configuration"] = setup.configuration.name;
-    for (const auto& [key, value] : settings_of(setup.configuration))
-        if (!value.empty()) json["settings"][key] = value;
+    for (const auto& [key, value] : stated_settings_of(setup.configuration)) json["settings"][key] = value;
     json["protocol"] = protocol;
     report.stages.push_back({"stage", "ms per step"});
     const auto stage = [&](std::string_view name, double seconds, std::uint64_t steps) {

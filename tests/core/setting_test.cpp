@@ -161,6 +161,8 @@ TEST_CASE("a struct lists its settings and those of its parts, and text sets the
     using Texts = std::vector<std::pair<std::string, std::string>>;
     CHECK(settings_of(market) ==
           Texts{{"open", "true"}, {"fruit", "pear"}, {"name", ""}, {"basket.weight", "2"}, {"basket.count", "3"}});
+    CHECK(stated_settings_of(market) ==
+          Texts{{"open", "true"}, {"fruit", "pear"}, {"basket.weight", "2"}, {"basket.count", "3"}});
     set_setting(market, "basket.weight", "0.5", "--set");
     set_setting(market, "fruit", "plum", "--set");
     set_setting(market, "name", "north, 2nd", "--set");

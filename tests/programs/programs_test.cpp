@@ -125,8 +125,7 @@ TEST_CASE("who asks for nothing gets the default configuration") {
                     out.path.string(), "--gaussians", "1500", "--steps", "1"}));
     const auto metrics = json_of(out.path / "metrics.json");
     CHECK(metrics.at("configuration") == std::string(default_configuration));
-    auto settings = settings_of(named_configuration(default_configuration));
-    std::erase_if(settings, [](const auto& setting) { return setting.second.empty(); }); // no appearance by its name
+    const auto settings = stated_settings_of(named_configuration(default_configuration));
     CHECK(metrics.at("settings").size() == settings.size());
     for (const auto& [key, value] : settings) CHECK(metrics.at("settings").at(key) == value);
 }

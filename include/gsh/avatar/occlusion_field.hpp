@@ -253,8 +253,8 @@ template <Backend B>
     OcclusionFieldData data{
         .width = mlp.params().width, .hidden_layers = mlp.params().hidden_layers, .bias = bias, .largest = largest};
     const std::size_t W = mlp.layer_outputs(0), F = features.columns, P = mlp.inputs() - F;
-    std::vector<float> all(weights.size()), first;
-    backend.download(weights, Span<float>(all));
+    const std::vector<float> all = downloaded(backend, weights);
+    std::vector<float> first;
     for (std::size_t o = 0; o < W; ++o) {
         const float* row = all.data() + o * mlp.inputs();
         first.insert(first.end(), row, row + F);
@@ -267,8 +267,7 @@ template <Backend B>
     Mlp::Cache<B, float> cache;
     backend.upload(Span<const float>(first), matrix);
     layer.forward(backend, Span<const float>(matrix), MlpInputs<float>{features}, Span<float>(neurons), cache);
-    data.neurons.resize(neurons.size());
-    backend.download(Span<const float>(neurons), Span<float>(data.neurons));
+    data.neurons = downloaded(backend, Span<const float>(neurons));
     return data;
 }
 

@@ -163,6 +163,14 @@ template <class P>
     return result;
 }
 
+/// The same without those whose text is empty: a name that is not set says nothing.
+template <class P>
+[[nodiscard]] std::vector<std::pair<std::string, std::string>> stated_settings_of(const P& params) {
+    auto result = settings_of(params);
+    std::erase_if(result, [](const auto& setting) { return setting.second.empty(); });
+    return result;
+}
+
 /// Checks that the numbers of a struct lie within their ranges. `where` names the part that uses them.
 /// Errors  ValueError that names the setting, what was found and what was expected.
 template <class P>

@@ -99,10 +99,8 @@ struct DescentBuffers {
 template <Backend B, class T>
 DensityChange plan_descent_on_host(B& backend, Span<const Fate> fates, Span<const T> gradients,
                                    std::size_t split_count, std::size_t most, DescentBuffers<B>& to) {
-    std::vector<Fate> host_fates(fates.size());
-    std::vector<T> host_gradients(gradients.size());
-    backend.download(fates, Span<Fate>(host_fates));
-    backend.download(gradients, Span<T>(host_gradients));
+    std::vector<Fate> host_fates = downloaded(backend, fates);
+    const std::vector<T> host_gradients = downloaded(backend, gradients);
     const Descent descent = plan_descent(std::move(host_fates), host_gradients, split_count, most);
     assign(backend, descent.parents, to.parents);
     assign(backend, descent.kin, to.kin);

@@ -65,15 +65,20 @@ struct AvatarParts {
                    Named<"pose", PoseOcclusion<B, T, Levels, Features>>>;
 };
 
-/// Checks that the lists have all parts that the settings name, and settings that depend on each other. `where` names
-/// the caller in messages.
-/// Errors  ValueError that names the settings.
+/// Checks that the lists have all parts that the settings name. `where` names the caller in messages.
+/// Errors  ValueError that names the setting, and the parts that there are.
 template <class Parts = AvatarParts>
-void check_parts(const ConfiguredAvatarParams& params, const std::string& where) {
+void check_part_names(const ConfiguredAvatarParams& params, const std::string& where) {
     using B = cpu::Serial; // names do not depend on the backend
     const std::string prefix = where + ": ";
     Parts::template Appearances<B, float, 2, 16, 4>::check_name(prefix + "appearance", params.appearance_name());
     Parts::template Occlusions<B, float, 16, 4>::check_name(prefix + "ao", params.ao);
+}
+/// check_part_names(), and settings that depend on each other.
+/// Errors  ValueError that names the settings.
+template <class Parts = AvatarParts>
+void check_parts(const ConfiguredAvatarParams& params, const std::string& where) {
+    check_part_names<Parts>(params, where);
     check_ranges(where, params.occlusion);
     const auto text = [](double value) { return detail::setting_text(value); };
     check_value(params.occlusion.initial < params.occlusion.largest, where,

@@ -36,6 +36,31 @@ public:
     [[nodiscard]] virtual bool queues_steps() const = 0;
 };
 
+/// The calls of a training that a Trainer and a StageTimer answer. Any is AnyTraining or derived from it, and Self,
+/// which derives from this class, has the members trainer_ and timer_.
+template <class Self, class Any>
+class TrainerCalls : public Any {
+public:
+    using Any::Any;
+
+    void step(double progress) override { self().trainer_.step(progress, self().timer_); }
+    void settle() override {
+        self().trainer_.settle();
+        self().timer_.sample();
+    }
+    std::uint64_t step_count() const override { return self().trainer_.step_count(); }
+    const std::array<double, stage_names.size()>& stage_seconds() const override { return self().timer_.seconds(); }
+    std::uint64_t timed_steps() const override { return self().timer_.steps(); }
+    std::vector<StepValues> history() override {
+        settle();
+        return self().trainer_.history();
+    }
+
+private:
+    Self& self() { return static_cast<Self&>(*this); }
+    const Self& self() const { return static_cast<const Self&>(*this); }
+};
+
 /// How long a training is, over which its rates fall.
 struct TrainingLength {
     std::uint64_t steps = 3000;

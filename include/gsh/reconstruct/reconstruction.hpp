@@ -41,8 +41,13 @@ namespace gsh {
 /// Train it by train() (reconstruct/train.hpp), or step by step; then fill_unseen(), and avatars() are ready for files.
 /// Parts lists the appearances and ambient occlusions that the recipe may name (AvatarParts).
 template <Backend B, class Parts = AvatarParts>
-class Reconstruction final : public AnyReconstruction {
+class Reconstruction final : public TrainerCalls<Reconstruction<B, Parts>, AnyReconstruction> {
+    using Calls = TrainerCalls<Reconstruction<B, Parts>, AnyReconstruction>;
+    friend Calls;
+
 public:
+    using Calls::setup;
+
     /// Of a setup that is made. The backend must outlive this object, and so must the input of the setup.
     Reconstruction(B& backend, ReconstructionSetup made)
         : Reconstruction(backend, taken_priors(made), std::move(made)) {}
@@ -62,18 +67,6 @@ public:
     /// The input that this object was made of, with registered motions; null if it was made of a setup.
     [[nodiscard]] const ReconstructionInput* input() const { return input_.get(); }
 
-    void step(double progress) override { trainer_.step(progress, timer_); }
-    void settle() override {
-        trainer_.settle();
-        timer_.sample();
-    }
-    std::uint64_t step_count() const override { return trainer_.step_count(); }
-    const std::array<double, stage_names.size()>& stage_seconds() const override { return timer_.seconds(); }
-    std::uint64_t timed_steps() const override { return timer_.steps(); }
-    std::vector<StepValues> history() override {
-        settle();
-        return trainer_.history();
-    }
     bool queues_steps() const override { return !B::host_memory; }
     void release_memory() override { trainer_.release_memory(); }
     Comparison<float> compare(const Photo& photo) override { return gsh::compare(trainer_, photo); }
@@ -147,7 +140,7 @@ private:
     using PriorsOfPeople = std::vector<CanonicalPriors>;
 
     Reconstruction(B& backend, const PriorsOfPeople& priors, ReconstructionSetup&& made)
-        : AnyReconstruction(std::move(made)), backend_(&backend), scene_(backend, cast(priors)),
+        : Calls(std::move(made)), backend_(&backend), scene_(backend, cast(priors)),
           trainer_(backend, scene_, setup.photos, setup.seed, setup.configuration.train), timer_(backend) {
         if (setup.refinement) refine_people();
     }

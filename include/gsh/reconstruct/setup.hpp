@@ -213,8 +213,7 @@ inline std::string run_text(const ReconstructionInput& input, const Recipe& reci
     std::string text;
     if (input.people.size() > 1)
         for (const CapturePerson& person : input.people) text += "person " + person.name + "\n";
-    for (const auto& [key, value] : settings_of(recipe.configuration))
-        if (!value.empty()) text += key + " = " + value + "\n";
+    for (const auto& [key, value] : stated_settings_of(recipe.configuration)) text += key + " = " + value + "\n";
     if (recipe.refine) text += recipe.refine_cameras ? "refine, cameras too\n" : "refine\n";
     if (!recipe.registration) text += "not registered\n";
     if (recipe.fine_registration > 0) text += "fine registration " + std::to_string(recipe.fine_registration) + "\n";

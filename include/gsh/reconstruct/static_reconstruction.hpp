@@ -71,7 +71,10 @@ public:
 /// A static scene on a backend: model and trainer. train() (reconstruct/train.hpp) trains it, or step() in a loop of
 /// your own.
 template <Backend B>
-class StaticReconstruction final : public AnyStaticReconstruction {
+class StaticReconstruction final : public TrainerCalls<StaticReconstruction<B>, AnyStaticReconstruction> {
+    using Calls = TrainerCalls<StaticReconstruction<B>, AnyStaticReconstruction>;
+    friend Calls;
+
 public:
     /// The backend must outlive this object, and so must the pixels of the input.
     StaticReconstruction(B& backend, StaticSetup setup)
@@ -82,18 +85,6 @@ public:
     StaticReconstruction(B& backend, const StaticPhotos& input, const StaticRecipe& recipe)
         : StaticReconstruction(backend, static_setup(input, recipe)) {}
 
-    void step(double progress) override { trainer_.step(progress, timer_); }
-    void settle() override {
-        trainer_.settle();
-        timer_.sample();
-    }
-    std::uint64_t step_count() const override { return trainer_.step_count(); }
-    const std::array<double, stage_names.size()>& stage_seconds() const override { return timer_.seconds(); }
-    std::uint64_t timed_steps() const override { return timer_.steps(); }
-    std::vector<StepValues> history() override {
-        settle();
-        return trainer_.history();
-    }
     bool queues_steps() const override { return !B::host_memory; }
 
     std::size_t size() const override { return scene_.size(); }

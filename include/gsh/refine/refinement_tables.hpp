@@ -195,8 +195,7 @@ public:
         RefinementState<T> state;
         state.updates = updates_;
         const auto fetch = [&](const Buffer& from, std::vector<T>& to) {
-            to.resize(from.size());
-            backend_->download(Span<const T>(from), Span<T>(to));
+            to = downloaded(*backend_, Span<const T>(from));
         };
         fetch(increments_, state.increments);
         fetch(first_moment_, state.first_moment);

@@ -179,8 +179,7 @@ template <class Scene>
     for (std::size_t j = 0; j < joints.size(); ++j) avatar.rig.joints[j] = vec3<double>(joints[j]);
     if (model.light()) {
         avatar.light = model.light()->data();
-        avatar.normal_offsets.resize(model.normal_offsets().size());
-        scene.backend().download(model.normal_offsets(), Span<vec3<float>>(avatar.normal_offsets));
+        avatar.normal_offsets = downloaded(scene.backend(), model.normal_offsets());
         avatar.light_place = place_of(scene.motion(person), avatar.rig.joints[0], frames);
     }
     avatar.ao = mean_ao(scene, frames, person);
