@@ -2,6 +2,7 @@
 #include <gsh/backend/cpu/sum.hpp>
 #include <gsh/backend/serial.hpp>
 #include <gsh/backend/threads.hpp>
+#include <gsh/gaussian/cpu/static_gaussian.hpp>
 #include <gsh/gaussian/static_gaussian.hpp>
 #include <gsh/learn/density_control.hpp>
 #include <gsh/loss/metrics.hpp>
