@@ -93,6 +93,7 @@
 #include <gsh/body/surface_fill.hpp>
 #include <gsh/body/surface_interpolation.hpp>
 #include <gsh/body/surface_samples.hpp>
+#include <gsh/body/thinned_samples.hpp>
 #include <gsh/body/trunk_frames.hpp>
 #include <gsh/body/turned_limbs.hpp>
 #include <gsh/body/vertex_samples.hpp>
@@ -232,6 +233,7 @@
 #include <gsh/photo/reduced_photos.hpp>
 
 #include <gsh/model/appearance.hpp>
+#include <gsh/model/avatar_growth.hpp>
 #include <gsh/model/avatar_model.hpp>
 #include <gsh/model/avatar_start.hpp>
 #include <gsh/model/canonical_points.hpp>
@@ -270,6 +272,7 @@
 #include <gsh/setup/light_samples.hpp>
 #include <gsh/setup/posed_priors.hpp>
 #include <gsh/setup/region_labels.hpp>
+#include <gsh/setup/schedule.hpp>
 #include <gsh/setup/static_start.hpp>
 #include <gsh/setup/unseen_points.hpp>
 

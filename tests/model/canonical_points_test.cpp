@@ -57,6 +57,25 @@ TEST_CASE("a box is stretched to the unit cube along each axis") {
     }
 }
 
+TEST_CASE("a part of the points has the unit cube of the whole") {
+    cpu::Serial backend;
+    const auto positions = box_of_points();
+    const CanonicalPriors priors{.region = std::vector<double>(positions.size(), 0.5),
+                                 .features = std::vector<double>(3 * positions.size(), 2)};
+    const std::vector<vec3<double>> some = thinned_rows(positions, 1, 4);
+    const PointsOnHost all(backend, positions, priors), part(backend, some, thinned(priors, positions, 4));
+    REQUIRE(part.size() == thinned_count(positions.size(), 4));
+    CHECK(part.feature_count() == 3);
+    CHECK(part.region().size() == part.size());
+    for (std::size_t i = 0; i < part.size(); ++i) CHECK(part.unit()[i] == all.unit()[4 * i]);
+    const PointsOnHost alone(backend, some);
+    CHECK(alone.unit()[1] != all.unit()[4]);
+    const CanonicalPriors twice = thinned(thinned(priors, positions, 2), thinned_rows(positions, 1, 2), 2);
+    CHECK(twice.whole->high == box_of_points(positions).high);
+    CHECK_THROWS_WITH_AS((void)box_of_points(Span<const vec3<double>>()), doctest::Contains("there are no points"),
+                         ValueError);
+}
+
 TEST_CASE("points in a plane, on a line or at one place have a unit cube, too") {
     cpu::Serial backend;
     for (const auto& positions :

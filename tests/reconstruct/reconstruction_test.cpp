@@ -138,6 +138,95 @@ TEST_CASE("two people on a backend whose memory the host cannot access have the 
     check_same(threads, other);
 }
 
+namespace {
+
+/// A small recipe with each kind of stage: a quarter, half, and all of the Gaussians, then stored colours.
+Recipe staged_recipe(std::uint64_t steps) {
+    Recipe recipe = small_recipe(steps);
+    recipe.configuration.schedule = {.stride = 4, .all_points = 0.5, .stored = 0.75};
+    return recipe;
+}
+
+} // namespace
+
+TEST_CASE("a training grows in stages, and avatars of each stage can be exported") {
+    cpu::Threads backend(2);
+    const Recipe recipe = staged_recipe(8);
+    Threads person(backend, small_input(), recipe);
+    CHECK(person.setup.gaussian_count() == 200);
+    std::vector<std::size_t> sizes, lookups;
+    TrainingRecord record;
+    train(person, recipe.length(), record, {.progress = [&](double) {
+              person.settle();
+              sizes.push_back(person.avatars().at(0).gaussians.size());
+              lookups.push_back(person.table_counts().lookups);
+          }});
+    CHECK(sizes == std::vector<std::size_t>{50, 50, 100, 100, 200, 200, 200, 200});
+    for (std::size_t step = 0; step < 8; ++step) CHECK((lookups[step] > 0) == (step < 6));
+    CHECK(record.steps == 8);
+    CHECK(person.fill_unseen().size() == 1);
+    CHECK(person.avatars().at(0).gaussians.size() == 200);
+}
+
+TEST_CASE("stored colours and displacements begin as what the field gave") {
+    cpu::Threads backend(2);
+    Recipe recipe = small_recipe(4);
+    recipe.configuration.schedule = {.stored = 0.5};
+    for (const char* rate :
+         {"rate.stored_sh", "rate.stored_displacements", "rate.quats", "rate.log_scales", "rate.opacity_logits",
+          "rate.joints", "rate.light_points", "rate.light_intensities", "rate.light_gloss", "gain.rate"})
+        set_setting(recipe.configuration, rate, "0", "test"); // what is stored does not learn
+    Threads person(backend, small_input(), recipe);
+    for (const double progress : {0.0, 0.25}) person.step(progress);
+    const AvatarData before = person.avatars().at(0);
+    for (const double progress : {0.5, 0.75}) person.step(progress);
+    const AvatarData after = person.avatars().at(0);
+    CHECK(before.gaussians.means == after.gaussians.means);
+    REQUIRE(before.gaussians.sh.size() == after.gaussians.sh.size());
+    for (std::size_t i = 0; i < before.gaussians.sh.size(); i += 9) {
+        CHECK(before.gaussians.sh[i] == after.gaussians.sh[i]);
+        for (std::size_t k = 1; k < 9; ++k) CHECK(after.gaussians.sh[i + k] == vec3<float>(0)); // began after
+    }
+}
+
+TEST_CASE("a training with stages goes on from a checkpoint of any step with the same bits") {
+    cpu::Threads backend(2);
+    Recipe recipe = staged_recipe(8);
+    recipe.refine = true, recipe.registration = false;
+    Threads whole(backend, small_input(), recipe);
+    TrainingRecord record;
+    train(whole, recipe.length(), record);
+    const test::Temporary folder;
+    Threads stopped(backend, small_input(), recipe);
+    TrainingRecord of_stopped;
+    for (std::uint64_t until = 1; until < 8; ++until) {
+        CAPTURE(until);
+        const auto path = folder / ("checkpoint" + std::to_string(until) + ".gsh");
+        train(stopped, recipe.length(), of_stopped, {}, until);
+        save_checkpoint(path, stopped, of_stopped);
+        Threads later(backend, small_input(), recipe);
+        TrainingRecord of_later = load_checkpoint(path, later);
+        CHECK(of_later.steps == until);
+        train(later, recipe.length(), of_later);
+        check_same(whole, later);
+    }
+    CHECK_THROWS_WITH_AS((void)load_checkpoint(folder / "checkpoint1.gsh", whole),
+                         doctest::Contains("is of an earlier stage than this training"), ValueError);
+}
+
+TEST_CASE("two people grow in stages on a backend whose memory the host cannot access, as on threads") {
+    cpu::Threads host(2);
+    test::Guarded guarded;
+    const Recipe recipe = staged_recipe(8);
+    Threads threads(host, small_input(2), recipe);
+    Reconstruction<test::Guarded> other(guarded, host, small_input(2), recipe);
+    TrainingRecord of_threads, of_other;
+    train(threads, recipe.length(), of_threads);
+    train(other, recipe.length(), of_other);
+    CHECK(of_threads.loss == of_other.loss);
+    check_same(threads, other);
+}
+
 TEST_CASE("poses are registered on the backend that trains, with the bits of the threads") {
     cpu::Threads host(2);
     test::Guarded guarded;

@@ -11,6 +11,7 @@
 #include <gsh/body/skinning.hpp>
 #include <gsh/body/surface_interpolation.hpp>
 #include <gsh/body/surface_samples.hpp>
+#include <gsh/body/thinned_samples.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/math/affine.hpp>
@@ -60,6 +61,16 @@ struct RigData {
     for (std::size_t v = 0; v < body.vertex_count(); ++v)
         for (std::size_t k = 0; k < betas.size(); ++k) rig.body.shapedirs.push_back(body.shapedirs[v * S + k]);
     return rig;
+}
+
+/// The same rig for every stride-th of its points, which are those of thinned samples.
+[[nodiscard]] inline RigData thinned(const RigData& rig, std::size_t stride) {
+    return {.body = rig.body,
+            .betas = rig.betas,
+            .joints = rig.joints,
+            .triangles = thinned_rows(rig.triangles, 1, stride),
+            .barycentric = thinned_rows(rig.barycentric, 1, stride),
+            .skin = thinned(rig.skin, stride)};
 }
 
 /// One frame in the canonical pose.

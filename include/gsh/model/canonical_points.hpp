@@ -3,6 +3,7 @@
 #pragma once
 
 #include <gsh/backend/backend.hpp>
+#include <gsh/body/thinned_samples.hpp>
 #include <gsh/core/enum_names.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/core/setting.hpp>
@@ -14,19 +15,49 @@
 #include <concepts>
 #include <cstddef>
 #include <memory>
+#include <optional>
 #include <string_view>
 #include <vector>
 
 namespace gsh {
 
-/// Inputs of fields at the canonical points, beside their positions. Either may be empty.
+/// A box along the axes, by two of its corners. Metres.
+struct PointBox {
+    vec3<double> low = vec3<double>(0), high = vec3<double>(0);
+};
+
+/// The smallest box that contains all points.
+/// Errors  ValueError if there are none.
+[[nodiscard]] inline PointBox box_of_points(Span<const vec3<double>> points) {
+    check_value(!points.empty(), "box_of_points", "there are no points, expected at least one");
+    PointBox box{points[0], points[0]};
+    for (const auto& p : points)
+        for (int axis = 0; axis < 3; ++axis) {
+            box.low[axis] = std::min(box.low[axis], p[axis]);
+            box.high[axis] = std::max(box.high[axis], p[axis]);
+        }
+    return box;
+}
+
+/// Inputs of fields at the canonical points, beside their positions. Any may be missing.
 ///
 /// Shapes  region [N], τ of a RegionMask in [0, 1]; features [N, any number] row-major: depths and normals of prior
 ///         views.
 struct CanonicalPriors {
     std::vector<double> region;
     std::vector<double> features;
+    /// Contains the points of which these are a part, so that fields of both have the same domain. Missing: the points
+    /// are all there are.
+    std::optional<PointBox> whole = {};
 };
+
+/// The priors of every stride-th of `points`, which are all that these priors are of.
+[[nodiscard]] inline CanonicalPriors thinned(const CanonicalPriors& priors, Span<const vec3<double>> points,
+                                             std::size_t stride) {
+    return {.region = thinned_rows(priors.region, 1, stride),
+            .features = thinned_rows(priors.features, priors.features.size() / points.size(), stride),
+            .whole = priors.whole ? priors.whole : box_of_points(points)};
+}
 
 /// Which inputs there are.
 struct PriorInputs {
@@ -80,12 +111,7 @@ public:
         check_value(priors.features.size() % positions.size() == 0, where,
                     "priors.features must hold the same number of features for every point");
 
-        vec3<double> low = positions[0], high = positions[0];
-        for (const auto& p : positions)
-            for (int axis = 0; axis < 3; ++axis) {
-                low[axis] = std::min(low[axis], p[axis]);
-                high[axis] = std::max(high[axis], p[axis]);
-            }
+        const auto [low, high] = priors.whole ? *priors.whole : box_of_points(positions);
         const vec3<double> center = (low + high) * 0.5, extent = high - low;
         constexpr double least = 1e-6; // metres, for points that all lie in a plane
         vec3<double> edges(std::max({extent.x, extent.y, extent.z, least}));

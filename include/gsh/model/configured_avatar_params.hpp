@@ -30,6 +30,9 @@ struct EnumNames<Heads> { // files and options have "joint" for Heads::shared
     static constexpr std::array<std::string_view, 2> names{"joint", "separate"};
 };
 
+/// The name of StoredAttributes among the appearances of make_avatar's list.
+inline constexpr std::string_view stored_appearance = "stored";
+
 /// The settings of all parts of an avatar, and which parts it has.
 struct ConfiguredAvatarParams {
     CanonicalPointsParams points = {};
@@ -60,7 +63,7 @@ struct ConfiguredAvatarParams {
     [[nodiscard]] std::string_view appearance_name() const {
         if (!appearance_type.empty()) return appearance_type;
         if (hash_sh && hash_displacement) return heads == Heads::shared ? "shared_field" : "separate_fields";
-        return hash_sh ? "color_field" : hash_displacement ? "displacement_field" : "stored";
+        return hash_sh ? "color_field" : hash_displacement ? "displacement_field" : stored_appearance;
     }
     /// Settings of the appearance in a run whose motion has `frame_count` frames.
     [[nodiscard]] AppearanceParams appearance_of(std::size_t frame_count, std::uint64_t seed) const {

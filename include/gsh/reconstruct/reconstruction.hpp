@@ -6,6 +6,8 @@
 #include <gsh/backend/serial.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/io/model/checkpoint.hpp>
+#include <gsh/math/sh.hpp>
+#include <gsh/model/avatar_growth.hpp>
 #include <gsh/model/configured_avatar.hpp>
 #include <gsh/photo/reduced_photos.hpp>
 #include <gsh/reconstruct/any_reconstruction.hpp>
@@ -16,6 +18,7 @@
 #include <gsh/reconstruct/setup.hpp>
 #include <gsh/refine/refinement.hpp>
 #include <gsh/setup/avatar_export.hpp>
+#include <gsh/setup/schedule.hpp>
 #include <gsh/setup/unseen_points.hpp>
 #include <gsh/train/avatar_scene.hpp>
 #include <gsh/train/frozen_scene.hpp>
@@ -24,6 +27,7 @@
 #include <gsh/train/trainer.hpp>
 
 #include <array>
+#include <bit>
 #include <cstddef>
 #include <cstdint>
 #include <deque>
@@ -67,6 +71,17 @@ public:
     /// The input that this object was made of, with registered motions; null if it was made of a setup.
     [[nodiscard]] const ReconstructionInput* input() const { return input_.get(); }
 
+    /// Trainer::step. Before it, the training enters the stage of the schedule that `progress` belongs to: that settles,
+    /// and if steps were lost, this returns without a step.
+    void step(double progress) override {
+        if (const TrainingStage next = setup.configuration.stage_at(progress); next != stage_) {
+            const std::uint64_t steps = this->step_count();
+            trainer_.release_memory();
+            if (this->step_count() < steps) return;
+            enter(next);
+        }
+        Calls::step(progress);
+    }
     bool queues_steps() const override { return !B::host_memory; }
     void release_memory() override { trainer_.release_memory(); }
     Comparison<float> compare(const Photo& photo) override { return gsh::compare(trainer_, photo); }
@@ -74,8 +89,11 @@ public:
     std::vector<AvatarData> avatars() override {
         std::vector<AvatarData> result;
         const std::vector<std::size_t> frames = photographed_frames(setup.photos);
-        for (std::size_t p = 0; p < people_.size(); ++p)
-            result.push_back(export_avatar(scene_, setup.people[p].rig, frames, trainer_.config().filter, p));
+        for (std::size_t p = 0; p < people_.size(); ++p) {
+            std::optional<RigData> part;
+            result.push_back(
+                export_avatar(scene_, at_stage(setup.people[p].rig, part), frames, trainer_.config().filter, p));
+        }
         return result;
     }
     std::vector<std::array<double, 3>> photo_gains() const override { return trainer_.gains().gains(); }
@@ -96,11 +114,13 @@ public:
     }
 
     void save(ArchiveWriter& file) override {
+        file.add("stage", std::vector<std::uint64_t>{stage_.stride, stage_.stored});
         add_trainer(file, trainer_);
         for (std::size_t p = 0; p < people_.size(); ++p)
             if (people_[p].refinement) add_refinement(file, *people_[p].refinement, p);
     }
     void load(const ArchiveReader& file) override {
+        enter(stage_of(file));
         load_trainer(file, trainer_);
         for (std::size_t p = 0; p < people_.size(); ++p)
             if (people_[p].refinement) load_refinement(file, *people_[p].refinement, p);
@@ -130,18 +150,15 @@ private:
 
     struct Person {
         Model model;
-        std::optional<Refinement> refinement, test_refinement; // of training frames; of test frames
-
-        Person(B& backend, const ReconstructionSetup::Person& from, const CanonicalPriors& priors,
-               const ConfiguredAvatarParams& config, ModelLight<B> light)
-            : model(make_avatar<B, Parts>(backend, from.rig, from.samples, from.motion.frame_count(), from.seed, config,
-                                          priors, std::move(light))) {}
+        std::optional<Refinement> refinement = {}, test_refinement = {}; // of training frames; of test frames
     };
     using PriorsOfPeople = std::vector<CanonicalPriors>;
 
-    Reconstruction(B& backend, const PriorsOfPeople& priors, ReconstructionSetup&& made)
-        : Calls(std::move(made)), backend_(&backend), scene_(backend, cast(priors)),
+    Reconstruction(B& backend, PriorsOfPeople priors, ReconstructionSetup&& made)
+        : Calls(std::move(made)), backend_(&backend), stage_(setup.configuration.stage_at(0)),
+          priors_(std::move(priors)), scene_(backend, cast()),
           trainer_(backend, scene_, setup.photos, setup.seed, setup.configuration.train), timer_(backend) {
+        drop_priors();
         if (setup.refinement) refine_people();
     }
 
@@ -168,17 +185,83 @@ private:
         for (ReconstructionSetup::Person& person : made.people) priors.push_back(std::exchange(person.priors, {}));
         return priors;
     }
-    std::vector<CastMember<Model>> cast(const PriorsOfPeople& priors) {
-        const ConfiguredAvatarParams& config = setup.configuration.avatar;
-        SharedLight<B> light; // of all people; the first announces it
-        if (setup.light) light = std::make_shared<LearnedLight<B>>(*backend_, *setup.light, config.light_rates);
+    std::vector<CastMember<Model>> cast() {
+        if (setup.light)
+            light_ = std::make_shared<LearnedLight<B>>(*backend_, *setup.light, setup.configuration.avatar.light_rates);
         std::vector<CastMember<Model>> cast;
         for (std::size_t p = 0; p < setup.people.size(); ++p) {
-            const ReconstructionSetup::Person& from = setup.people[p];
-            Person& person = people_.emplace_back(*backend_, from, priors[p], config, ModelLight<B>{light, p == 0});
-            cast.push_back({&person.model, &from.motion});
+            Person& person = people_.emplace_back(make_model(p, stage_));
+            cast.push_back({&person.model, &setup.people[p].motion});
         }
         return cast;
+    }
+
+    /// The model of a person at a stage, as new. All people share the light; the first announces it.
+    [[nodiscard]] Model make_model(std::size_t p, const TrainingStage& stage) {
+        const ReconstructionSetup::Person& from = setup.people[p];
+        ConfiguredAvatarParams params = setup.configuration.avatar;
+        if (stage.stored) params.appearance_type = stored_appearance;
+        const auto make = [&](const RigData& rig, const SurfaceSamples& samples, const CanonicalPriors& priors) {
+            return make_avatar<B, Parts>(*backend_, rig, samples, from.motion.frame_count(), from.seed, params, priors,
+                                         ModelLight<B>{light_, p == 0});
+        };
+        if (stage.stride == 1) return make(from.rig, from.samples, priors_[p]);
+        return make(thinned(from.rig, stage.stride), thinned(from.samples, stage.stride),
+                    thinned(priors_[p], from.samples.positions, stage.stride));
+    }
+    /// A rig or samples, as far as they take part in the present stage; `part` holds them if that is not all.
+    template <class Points>
+    [[nodiscard]] const Points& at_stage(const Points& all, std::optional<Points>& part) const {
+        return stage_.stride == 1 ? all : part.emplace(thinned(all, stage_.stride));
+    }
+    /// Replaces the models by those of another stage, which begin with what the present ones have learned. The trainer
+    /// has released its memory, or has taken no step.
+    void enter(const TrainingStage& next) {
+        if (next == stage_) return;
+        // The field gives colours of new points first, then they are stored.
+        if (next.stored && !stage_.stored) enter({.stride = next.stride});
+        for (std::size_t p = 0; p < people_.size(); ++p) {
+            Model& model = people_[p].model;
+            Model made = make_model(p, next);
+            if (next.stride == stage_.stride) {
+                carry_over(*backend_, model.learned(), made.learned());
+            } else {
+                const SurfaceSamples& all = setup.people[p].samples;
+                carry_over(*backend_, model.learned(), made.learned(),
+                           PointParents(thinned(all, stage_.stride), thinned(all, next.stride)));
+            }
+            if (next.stored && !stage_.stored) {
+                model.update_canonical();
+                store_appearance(*backend_, model.appearance().view(),
+                                 model.is_view_dependent() ? sh_basis_count(Model::sh_degree) : 1, made.learned());
+            }
+            model = std::move(made);
+        }
+        stage_ = next;
+        scene_.update_size();
+        scene_.set_progress(trainer_.step_count(), trainer_.progress());
+        drop_priors();
+    }
+    /// Priors are large, and only the models of later stages read them.
+    void drop_priors() {
+        if (stage_ == setup.configuration.stage_at(1)) priors_.clear();
+    }
+    /// The stage of a checkpoint, to which this training can go.
+    [[nodiscard]] TrainingStage stage_of(const ArchiveReader& file) const {
+        if (!file.has("stage")) return stage_; // a file of an older version, when there were no stages
+        const std::string path = file.file().path().string();
+        const auto numbers = file.read<std::uint64_t>("stage");
+        check_size(path, "stage", numbers.size(), 2);
+        const TrainingStage stage{.stride = numbers[0], .stored = numbers[1] != 0},
+            last = setup.configuration.stage_at(1);
+        check_value(std::has_single_bit(stage.stride) && stage.stride <= setup.configuration.schedule.stride &&
+                        stage.stored <= last.stored,
+                    path,
+                    "stage is " + std::to_string(numbers[0]) + " and " + std::to_string(numbers[1]) +
+                        ", which is none of this run's");
+        check_value(stage == stage_ || !priors_.empty(), path,
+                    "is of an earlier stage than this training, which cannot go back; load it into a new one");
+        return stage;
     }
     void check_refined(const char* where) const {
         check_value(setup.refinement.has_value(), where,
@@ -199,6 +282,9 @@ private:
 
     std::unique_ptr<ReconstructionInput> input_; // plates and hidden pixels of the photographs are its own
     B* backend_;
+    TrainingStage stage_;
+    PriorsOfPeople priors_;     // of all points; empty at the last stage
+    SharedLight<B> light_;      // of all people, or null
     std::deque<Person> people_; // a deque: their addresses do not change
     Scene scene_;
     Trainer<B, Scene> trainer_;
@@ -209,16 +295,17 @@ template <Backend B, class Parts>
 std::vector<std::size_t> Reconstruction<B, Parts>::fill_unseen() {
     std::vector<std::size_t> counts(people_.size(), 0);
     if (!setup.configuration.fill_unseen) return counts;
+    std::vector<std::optional<SurfaceSamples>> parts(people_.size());
     std::vector<const SurfaceSamples*> samples;
-    for (const ReconstructionSetup::Person& person : setup.people) samples.push_back(&person.samples);
+    for (std::size_t p = 0; p < people_.size(); ++p) samples.push_back(&at_stage(setup.people[p].samples, parts[p]));
     const std::vector<Showing> showing =
         photographs_showing(*backend_, scene_, samples, setup.photos, setup.configuration.train.filter);
     const std::vector<std::size_t> frames = photographed_frames(setup.photos);
     std::size_t first = 0;
     for (std::size_t p = 0; p < people_.size(); ++p) {
         const std::size_t size = people_[p].model.size();
-        const auto fill = fill_of_unseen(scene_, setup.people[p].samples,
-                                         Span<const Showing>(showing).subspan(first, size), frames, p);
+        const auto fill =
+            fill_of_unseen(scene_, *samples[p], Span<const Showing>(showing).subspan(first, size), frames, p);
         counts[p] = fill.points.size();
         if (counts[p] > 0) people_[p].model.fill(fill);
         first += size;

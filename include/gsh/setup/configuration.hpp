@@ -14,6 +14,7 @@
 #include <gsh/model/occlusion.hpp>
 #include <gsh/prior/prior_features.hpp>
 #include <gsh/refine/refinement_params.hpp>
+#include <gsh/setup/schedule.hpp>
 #include <gsh/train/pose_fit.hpp>
 #include <gsh/train/train_params.hpp>
 
@@ -57,6 +58,7 @@ struct Configuration {
     PriorFeatureParams prior;
     ConfiguredAvatarParams avatar{.ao = AmbientOcclusion::time};
     TrainParams train;
+    ScheduleParams schedule;
     /// Share of an image's height on either side of a mask's outline where the mask is not believed: Photo::unknown.
     double unknown_band = 0.01;
     bool half_chroma = true; ///< whether photographs with colours of half resolution are found: Photo::half_chroma
@@ -69,6 +71,14 @@ struct Configuration {
     [[nodiscard]] bool has_regions() const { return region_samples || fine_levels == FineLevels::region; }
     /// Whether fields read depths or normals.
     [[nodiscard]] bool has_priors() const { return depth_prior || normal_prior; }
+
+    /// The stage of the training when the share `progress` of a run is over. Colours that change with the time, and
+    /// appearances that appearance_type names, which may do so, are not stored.
+    [[nodiscard]] TrainingStage stage_at(double progress) const {
+        TrainingStage stage = schedule.at(progress);
+        if (avatar.head_time || !avatar.appearance_type.empty()) stage.stored = false;
+        return stage;
+    }
 
     /// All settings but the name.
     template <class Self, class F>
@@ -83,6 +93,7 @@ struct Configuration {
         PriorFeatureParams::for_each_setting(self.prior, f);
         ConfiguredAvatarParams::for_each_setting(self.avatar, f);
         TrainParams::for_each_setting(self.train, f);
+        ScheduleParams::for_each_setting(self.schedule, f);
         f("unknown_band", self.unknown_band, SettingRange::at_least(0).up_to(0.1));
         f("half_chroma", self.half_chroma, SettingRange());
         f("fill_unseen", self.fill_unseen, SettingRange());
@@ -151,6 +162,7 @@ inline constexpr std::string_view default_configuration = "light";
         c.avatar.light = true;
         c.avatar.model.sh_start = 0.3; // when gains have been found
         c.train.gain.rate = 0.03;
+        c.schedule = {.stride = 4, .all_points = 0.3, .stored = 0.3};
     } else {
         std::string message(where);
         message.append(where.empty() ? "" : ": ").append("there is no configuration '").append(name);
@@ -168,6 +180,11 @@ inline constexpr std::string_view default_configuration = "light";
 template <class Parts = AvatarParts>
 void check_settings(const Configuration& c, const std::string& where) {
     check_parts<Parts>(c.avatar, where);
+    if (c.stage_at(1).stored) {
+        ConfiguredAvatarParams stored = c.avatar;
+        stored.appearance_type = stored_appearance;
+        check_part_names<Parts>(stored, where + ": schedule.stored");
+    }
     check_value(
         !c.region_samples || c.region.samples_base > 0 || c.region.samples_high > 0, where,
         "region.samples_base and region.samples_high are 0, expected one of them above, or region.samples false");

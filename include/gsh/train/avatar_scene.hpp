@@ -70,19 +70,26 @@ public:
         check_value(!cast.empty(), "AvatarScene", "there are no people");
         for (std::size_t i = 0; i < cast.size(); ++i) {
             Person& person = people_[i];
-            person.model = cast[i].model, person.motion = cast[i].motion, person.first_splat = size_;
+            person.model = cast[i].model, person.motion = cast[i].motion;
             for (std::size_t k = 0; k < i; ++k)
                 check_value(people_[k].model != person.model, "AvatarScene",
                             "person " + std::to_string(i) + " has the model of person " + std::to_string(k) +
                                 ", expected a model of its own");
             check_size("AvatarScene", "poses of person " + std::to_string(i), person.motion->frame_count(),
                        frame_count(), "every motion must cover every frame");
-            size_ += person.model->size();
         }
+        update_size();
     }
     /// One person.
     AvatarScene(B& backend, Model& model, const Motion& motion)
         : AvatarScene(backend, std::vector<CastMember<Model>>{{&model, &motion}}) {}
+
+    /// After models have changed their numbers of Gaussians. A trainer of the scene must forget its steps
+    /// (Trainer::release_memory).
+    void update_size() {
+        size_ = 0;
+        for (Person& person : people_) person.first_splat = size_, size_ += person.model->size();
+    }
 
     [[nodiscard]] std::size_t size() const { return size_; }
     [[nodiscard]] std::size_t frame_count() const { return people_.front().motion->frame_count(); }

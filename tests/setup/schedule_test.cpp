@@ -1,0 +1,73 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <gsh/core/error.hpp>
+#include <gsh/setup/configuration.hpp>
+#include <gsh/setup/schedule.hpp>
+
+#include <doctest/doctest.h>
+
+#include <concepts>
+#include <cstddef>
+#include <utility>
+#include <vector>
+
+using namespace gsh;
+
+TEST_CASE("without a schedule, there is one stage with everything") {
+    for (const double progress : {0.0, 0.5, 1.0}) CHECK(ScheduleParams().at(progress) == TrainingStage{});
+}
+
+TEST_CASE("the number of Gaussians doubles in equal intervals, until all take part") {
+    const ScheduleParams schedule{.stride = 8, .all_points = 0.6};
+    const std::vector<std::pair<double, std::size_t>> expected{{0, 8},   {0.19, 8}, {0.2, 4}, {0.39, 4},
+                                                               {0.4, 2}, {0.59, 2}, {0.6, 1}, {1, 1}};
+    for (const auto& [progress, stride] : expected) {
+        CAPTURE(progress);
+        CHECK(schedule.at(progress) == TrainingStage{.stride = stride, .stored = false});
+    }
+    const ScheduleParams at_once{.stride = 8, .all_points = 0};
+    CHECK(at_once.at(0) == TrainingStage{});
+}
+
+TEST_CASE("colours are stored from their share on, but not before all Gaussians take part") {
+    ScheduleParams schedule{.stored = 0.3};
+    CHECK(!schedule.at(0.29).stored);
+    CHECK(schedule.at(0.3).stored);
+    CHECK(schedule.at(1).stored);
+    schedule = {.stride = 2, .all_points = 0.5, .stored = 0.3};
+    CHECK(schedule.at(0.4) == TrainingStage{.stride = 2, .stored = false});
+    CHECK(schedule.at(0.5) == TrainingStage{.stride = 1, .stored = true});
+    schedule.stored = 1; // never, not even at the end
+    CHECK(!schedule.at(1).stored);
+}
+
+TEST_CASE("colours that change with the time, and named appearances, are not stored") {
+    Configuration c;
+    c.schedule.stored = 0.3;
+    CHECK(c.stage_at(0.5).stored);
+    c.avatar.head_time = true;
+    CHECK(!c.stage_at(0.5).stored);
+    c.avatar.head_time = false, c.avatar.appearance_type = "shared_field";
+    CHECK(!c.stage_at(0.5).stored);
+}
+
+namespace {
+
+/// Appearances without StoredAttributes.
+struct FewerParts : AvatarParts {
+    template <Backend B, std::floating_point T, int Degree, int Levels, int Features>
+    using Appearances = NamedTypes<Named<"shared_field", SharedField<B, T, Degree, Levels, Features>>>;
+};
+
+} // namespace
+
+TEST_CASE("settings of a schedule are checked before training") {
+    Configuration c;
+    CHECK_THROWS_WITH_AS(set_setting(c, "schedule.stride", "3", "test"),
+                         doctest::Contains("schedule.stride is '3', expected a power of two"), ValueError);
+    CHECK_THROWS_WITH_AS(set_setting(c, "schedule.stored", "1.5", "test"), doctest::Contains("at most 1"), ValueError);
+    c.schedule.stored = 0.3;
+    check_settings(c, "test");
+    CHECK_THROWS_WITH_AS(check_settings<FewerParts>(c, "test"),
+                         doctest::Contains("schedule.stored: appearance is 'stored', expected one of shared_field"),
+                         ValueError);
+}
