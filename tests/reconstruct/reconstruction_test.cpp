@@ -189,7 +189,7 @@ TEST_CASE("stored colours and displacements begin as what the field gave") {
     }
 }
 
-TEST_CASE("a training with stages goes on from a checkpoint of any step with the same bits") {
+TEST_CASE("a training goes on from a checkpoint of each stage, or before the next one, with the same bits") {
     cpu::Threads backend(2);
     Recipe recipe = staged_recipe(8);
     recipe.refine = true, recipe.registration = false;
@@ -199,7 +199,7 @@ TEST_CASE("a training with stages goes on from a checkpoint of any step with the
     const test::Temporary folder;
     Threads stopped(backend, small_input(), recipe);
     TrainingRecord of_stopped;
-    for (std::uint64_t until = 1; until < 8; ++until) {
+    for (const std::uint64_t until : {1, 4, 7}) {
         CAPTURE(until);
         const auto path = folder / ("checkpoint" + std::to_string(until) + ".gsh");
         train(stopped, recipe.length(), of_stopped, {}, until);
@@ -210,6 +210,11 @@ TEST_CASE("a training with stages goes on from a checkpoint of any step with the
         train(later, recipe.length(), of_later);
         check_same(whole, later);
     }
+    TrainingRecord of_longer = load_checkpoint(folder / "checkpoint7.gsh", stopped); // for longer than was planned
+    train(stopped, {.steps = 40}, of_longer, {}, 9); // steps 8 and 9 are in the first half of 40
+    CHECK(of_longer.steps == 9);
+    CHECK(stopped.avatars().at(0).gaussians.size() == 200);
+    CHECK(stopped.table_counts().lookups == 0);
     CHECK_THROWS_WITH_AS((void)load_checkpoint(folder / "checkpoint1.gsh", whole),
                          doctest::Contains("is of an earlier stage than this training"), ValueError);
 }
@@ -217,7 +222,7 @@ TEST_CASE("a training with stages goes on from a checkpoint of any step with the
 TEST_CASE("two people grow in stages on a backend whose memory the host cannot access, as on threads") {
     cpu::Threads host(2);
     test::Guarded guarded;
-    const Recipe recipe = staged_recipe(8);
+    const Recipe recipe = staged_recipe(4);
     Threads threads(host, small_input(2), recipe);
     Reconstruction<test::Guarded> other(guarded, host, small_input(2), recipe);
     TrainingRecord of_threads, of_other;

@@ -40,6 +40,12 @@ TEST_CASE("colours are stored from their share on, but not before all Gaussians 
     CHECK(!schedule.at(1).stored);
 }
 
+TEST_CASE("stages come in an order") {
+    const std::vector<TrainingStage> stages{{4, false}, {2, false}, {1, false}, {1, true}};
+    for (std::size_t a = 0; a < stages.size(); ++a)
+        for (std::size_t b = 0; b < stages.size(); ++b) CHECK(stages[a].comes_after(stages[b]) == (a > b));
+}
+
 TEST_CASE("colours that change with the time, and named appearances, are not stored") {
     Configuration c;
     c.schedule.stored = 0.3;

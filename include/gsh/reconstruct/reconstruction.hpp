@@ -72,9 +72,10 @@ public:
     [[nodiscard]] const ReconstructionInput* input() const { return input_.get(); }
 
     /// Trainer::step. Before it, the training enters the stage of the schedule that `progress` belongs to: that settles,
-    /// and if steps were lost, this returns without a step.
+    /// and if steps were lost, this returns without a step. A training that goes on for longer than was planned stays at
+    /// its stage, because there is no way back.
     void step(double progress) override {
-        if (const TrainingStage next = setup.configuration.stage_at(progress); next != stage_) {
+        if (const TrainingStage next = setup.configuration.stage_at(progress); next.comes_after(stage_)) {
             const std::uint64_t steps = this->step_count();
             trainer_.release_memory();
             if (this->step_count() < steps) return;
@@ -259,7 +260,7 @@ private:
                     path,
                     "stage is " + std::to_string(numbers[0]) + " and " + std::to_string(numbers[1]) +
                         ", which is none of this run's");
-        check_value(stage == stage_ || !priors_.empty(), path,
+        check_value(!stage_.comes_after(stage), path,
                     "is of an earlier stage than this training, which cannot go back; load it into a new one");
         return stage;
     }

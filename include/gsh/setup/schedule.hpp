@@ -6,7 +6,6 @@
 
 #include <algorithm>
 #include <bit>
-#include <compare>
 #include <cstddef>
 
 namespace gsh {
@@ -17,6 +16,10 @@ struct TrainingStage {
     bool stored = false;    ///< whether colours and displacements are stored with each Gaussian, and no field is read
 
     friend bool operator==(const TrainingStage&, const TrainingStage&) = default;
+    /// Whether a training goes from `other` to this stage, and not back.
+    [[nodiscard]] bool comes_after(const TrainingStage& other) const {
+        return stride < other.stride || (stride == other.stride && stored > other.stored);
+    }
 };
 
 /// The settings of a schedule. The defaults are none: all of everything from the first step to the last.
