@@ -168,6 +168,22 @@ TEST_CASE("a training grows in stages, and avatars of each stage can be exported
     CHECK(person.avatars().at(0).gaussians.size() == 200);
 }
 
+TEST_CASE("a run that ends in an early stage has all Gaussians, and one that was stopped has those of its stage") {
+    cpu::Threads backend(2);
+    for (const bool stops : {false, true}) {
+        const Recipe recipe = staged_recipe(stops ? 2 : 1);
+        Threads person(backend, small_input(), recipe);
+        TrainingRecord record;
+        std::size_t in_checkpoint = 0;
+        train(person, recipe.length(), record,
+              {.stop = [&] { return stops && person.step_count() == 1; },
+               .checkpoint = [&] { in_checkpoint = person.avatars().at(0).gaussians.size(); }});
+        CHECK(record.steps == 1);
+        CHECK(in_checkpoint == (stops ? 50 : 200));
+        CHECK(person.avatars().at(0).gaussians.size() == in_checkpoint);
+    }
+}
+
 TEST_CASE("stored colours and displacements begin as what the field gave") {
     cpu::Threads backend(2);
     Recipe recipe = small_recipe(4);

@@ -83,6 +83,12 @@ public:
         }
         Calls::step(progress);
     }
+    void finish() override {
+        const TrainingStage last = setup.configuration.stage_at(1);
+        if (!last.comes_after(stage_)) return;
+        trainer_.release_memory();
+        enter(last);
+    }
     bool queues_steps() const override { return !B::host_memory; }
     void release_memory() override { trainer_.release_memory(); }
     Comparison<float> compare(const Photo& photo) override { return gsh::compare(trainer_, photo); }

@@ -95,6 +95,7 @@ inline void train(AnyTraining& training, const TrainingLength& length, TrainingR
         paused += since(pause);
     }
     settle(); // after a stop
+    if (share() >= 1) training.finish();
     checkpoint();
 }
 
