@@ -143,7 +143,7 @@ namespace {
 /// A small recipe with each kind of stage: a quarter, half, and all of the Gaussians, then stored colours.
 Recipe staged_recipe(std::uint64_t steps) {
     Recipe recipe = small_recipe(steps);
-    recipe.configuration.schedule = {.stride = 4, .all_points = 0.5, .stored = 0.75};
+    recipe.configuration.schedule = ScheduleParams{.stride = 4, .least_points = 50, .all_points = 0.5, .stored = 0.75};
     return recipe;
 }
 
@@ -187,7 +187,7 @@ TEST_CASE("a run that ends in an early stage has all Gaussians, and one that was
 TEST_CASE("stored colours and displacements begin as what the field gave") {
     cpu::Threads backend(2);
     Recipe recipe = small_recipe(4);
-    recipe.configuration.schedule = {.stored = 0.5};
+    recipe.configuration.schedule = ScheduleParams{.stored = 0.5};
     for (const char* rate :
          {"rate.stored_sh", "rate.stored_displacements", "rate.quats", "rate.log_scales", "rate.opacity_logits",
           "rate.joints", "rate.light_points", "rate.light_intensities", "rate.light_gloss", "gain.rate"})

@@ -12,8 +12,14 @@
 
 using namespace gsh;
 
+namespace {
+
+constexpr std::size_t many = 1'000'000; // Gaussians
+
+} // namespace
+
 TEST_CASE("without a schedule, there is one stage with everything") {
-    for (const double progress : {0.0, 0.5, 1.0}) CHECK(ScheduleParams().at(progress) == TrainingStage{});
+    for (const double progress : {0.0, 0.5, 1.0}) CHECK(ScheduleParams().at(progress, many) == TrainingStage{});
 }
 
 TEST_CASE("the number of Gaussians doubles in equal intervals, until all take part") {
@@ -22,22 +28,32 @@ TEST_CASE("the number of Gaussians doubles in equal intervals, until all take pa
                                                                {0.4, 2}, {0.59, 2}, {0.6, 1}, {1, 1}};
     for (const auto& [progress, stride] : expected) {
         CAPTURE(progress);
-        CHECK(schedule.at(progress) == TrainingStage{.stride = stride, .stored = false});
+        CHECK(schedule.at(progress, many) == TrainingStage{.stride = stride, .stored = false});
     }
     const ScheduleParams at_once{.stride = 8, .all_points = 0};
-    CHECK(at_once.at(0) == TrainingStage{});
+    CHECK(at_once.at(0, many) == TrainingStage{});
 }
 
 TEST_CASE("colours are stored from their share on, but not before all Gaussians take part") {
     ScheduleParams schedule{.stored = 0.3};
-    CHECK(!schedule.at(0.29).stored);
-    CHECK(schedule.at(0.3).stored);
-    CHECK(schedule.at(1).stored);
+    CHECK(!schedule.at(0.29, many).stored);
+    CHECK(schedule.at(0.3, many).stored);
+    CHECK(schedule.at(1, many).stored);
     schedule = {.stride = 2, .all_points = 0.5, .stored = 0.3};
-    CHECK(schedule.at(0.4) == TrainingStage{.stride = 2, .stored = false});
-    CHECK(schedule.at(0.5) == TrainingStage{.stride = 1, .stored = true});
+    CHECK(schedule.at(0.4, many) == TrainingStage{.stride = 2, .stored = false});
+    CHECK(schedule.at(0.5, many) == TrainingStage{.stride = 1, .stored = true});
     schedule.stored = 1; // never, not even at the end
-    CHECK(!schedule.at(1).stored);
+    CHECK(!schedule.at(1, many).stored);
+}
+
+TEST_CASE("a stage does not begin with fewer Gaussians than are worth it") {
+    const ScheduleParams schedule{.stride = 4, .least_points = 10000, .all_points = 0.4};
+    CHECK(schedule.at(0, 40000).stride == 4);
+    CHECK(schedule.at(0, 39999).stride == 2);
+    CHECK(schedule.at(0.39, 39999).stride == 2); // the stages that are left share the time
+    CHECK(schedule.at(0.4, 39999).stride == 1);
+    CHECK(schedule.at(0, 19999).stride == 1);
+    CHECK(schedule.at(0, 0).stride == 1);
 }
 
 TEST_CASE("stages come in an order") {
@@ -49,11 +65,11 @@ TEST_CASE("stages come in an order") {
 TEST_CASE("colours that change with the time, and named appearances, are not stored") {
     Configuration c;
     c.schedule.stored = 0.3;
-    CHECK(c.stage_at(0.5).stored);
+    CHECK(c.stage_at(0.5, many).stored);
     c.avatar.head_time = true;
-    CHECK(!c.stage_at(0.5).stored);
+    CHECK(!c.stage_at(0.5, many).stored);
     c.avatar.head_time = false, c.avatar.appearance_type = "shared_field";
-    CHECK(!c.stage_at(0.5).stored);
+    CHECK(!c.stage_at(0.5, many).stored);
 }
 
 namespace {

@@ -21,7 +21,7 @@ public:
 
     /// Trainer::step. On a device, steps are queued, and step_count may go back until they are settled.
     virtual void step(double progress) = 0;
-    /// After the last step of a run, all of which are settled: a short run may end before the last stage of its schedule,
+    /// After the last step of a run, when all are settled: a short run may end before the last stage of its schedule,
     /// and its result then enters it.
     virtual void finish() {}
     /// Trainer::settle: waits for the steps so far. It comes before all calls that read results.

@@ -26,6 +26,7 @@
 #include <gsh/train/stage.hpp>
 #include <gsh/train/trainer.hpp>
 
+#include <algorithm>
 #include <array>
 #include <bit>
 #include <cstddef>
@@ -71,11 +72,11 @@ public:
     /// The input that this object was made of, with registered motions; null if it was made of a setup.
     [[nodiscard]] const ReconstructionInput* input() const { return input_.get(); }
 
-    /// Trainer::step. Before it, the training enters the stage of the schedule that `progress` belongs to: that settles,
-    /// and if steps were lost, this returns without a step. A training that goes on for longer than was planned stays at
-    /// its stage, because there is no way back.
+    /// Trainer::step. Before it, the training enters the stage of the schedule that `progress` belongs to: that
+    /// settles, and if steps were lost, this returns without a step. A training that goes on for longer than was
+    /// planned stays at its stage, because there is no way back.
     void step(double progress) override {
-        if (const TrainingStage next = setup.configuration.stage_at(progress); next.comes_after(stage_)) {
+        if (const TrainingStage next = stage_at(progress); next.comes_after(stage_)) {
             const std::uint64_t steps = this->step_count();
             trainer_.release_memory();
             if (this->step_count() < steps) return;
@@ -84,7 +85,7 @@ public:
         Calls::step(progress);
     }
     void finish() override {
-        const TrainingStage last = setup.configuration.stage_at(1);
+        const TrainingStage last = stage_at(1);
         if (!last.comes_after(stage_)) return;
         trainer_.release_memory();
         enter(last);
@@ -162,9 +163,9 @@ private:
     using PriorsOfPeople = std::vector<CanonicalPriors>;
 
     Reconstruction(B& backend, PriorsOfPeople priors, ReconstructionSetup&& made)
-        : Calls(std::move(made)), backend_(&backend), stage_(setup.configuration.stage_at(0)),
-          priors_(std::move(priors)), scene_(backend, cast()),
-          trainer_(backend, scene_, setup.photos, setup.seed, setup.configuration.train), timer_(backend) {
+        : Calls(std::move(made)), backend_(&backend), stage_(stage_at(0)), priors_(std::move(priors)),
+          scene_(backend, cast()), trainer_(backend, scene_, setup.photos, setup.seed, setup.configuration.train),
+          timer_(backend) {
         drop_priors();
         if (setup.refinement) refine_people();
     }
@@ -203,6 +204,12 @@ private:
         return cast;
     }
 
+    /// The stage to which a share of the run belongs.
+    [[nodiscard]] TrainingStage stage_at(double progress) const {
+        std::size_t points = 0;
+        for (const auto& person : setup.people) points = std::max(points, person.gaussian_count());
+        return setup.configuration.stage_at(progress, points);
+    }
     /// The model of a person at a stage, as new. All people share the light; the first announces it.
     [[nodiscard]] Model make_model(std::size_t p, const TrainingStage& stage) {
         const ReconstructionSetup::Person& from = setup.people[p];
@@ -251,7 +258,7 @@ private:
     }
     /// Priors are large, and only the models of later stages read them.
     void drop_priors() {
-        if (stage_ == setup.configuration.stage_at(1)) priors_.clear();
+        if (stage_ == stage_at(1)) priors_.clear();
     }
     /// The stage of a checkpoint, to which this training can go.
     [[nodiscard]] TrainingStage stage_of(const ArchiveReader& file) const {
@@ -259,9 +266,8 @@ private:
         const std::string path = file.file().path().string();
         const auto numbers = file.read<std::uint64_t>("stage");
         check_size(path, "stage", numbers.size(), 2);
-        const TrainingStage stage{.stride = numbers[0], .stored = numbers[1] != 0},
-            last = setup.configuration.stage_at(1);
-        check_value(std::has_single_bit(stage.stride) && stage.stride <= setup.configuration.schedule.stride &&
+        const TrainingStage stage{.stride = numbers[0], .stored = numbers[1] != 0}, last = stage_at(1);
+        check_value(std::has_single_bit(stage.stride) && stage.stride <= stage_at(0).stride &&
                         stage.stored <= last.stored,
                     path,
                     "stage is " + std::to_string(numbers[0]) + " and " + std::to_string(numbers[1]) +

@@ -19,6 +19,7 @@
 #include <gsh/train/train_params.hpp>
 
 #include <array>
+#include <cstddef>
 #include <string>
 #include <string_view>
 
@@ -72,10 +73,10 @@ struct Configuration {
     /// Whether fields read depths or normals.
     [[nodiscard]] bool has_priors() const { return depth_prior || normal_prior; }
 
-    /// The stage of the training when the share `progress` of a run is over. Colours that change with the time, and
+    /// The stage of the training of `points` Gaussians when the share `progress` of a run is over. Colours that change with the time, and
     /// appearances that appearance_type names, which may do so, are not stored.
-    [[nodiscard]] TrainingStage stage_at(double progress) const {
-        TrainingStage stage = schedule.at(progress);
+    [[nodiscard]] TrainingStage stage_at(double progress, std::size_t points) const {
+        TrainingStage stage = schedule.at(progress, points);
         if (avatar.head_time || !avatar.appearance_type.empty()) stage.stored = false;
         return stage;
     }
@@ -162,7 +163,7 @@ inline constexpr std::string_view default_configuration = "light";
         c.avatar.light = true;
         c.avatar.model.sh_start = 0.3; // when gains have been found
         c.train.gain.rate = 0.03;
-        c.schedule = {.stride = 4, .all_points = 0.3, .stored = 0.3};
+        c.schedule = ScheduleParams{.stride = 4, .all_points = 0.3, .stored = 0.3};
     } else {
         std::string message(where);
         message.append(where.empty() ? "" : ": ").append("there is no configuration '").append(name);
@@ -180,7 +181,7 @@ inline constexpr std::string_view default_configuration = "light";
 template <class Parts = AvatarParts>
 void check_settings(const Configuration& c, const std::string& where) {
     check_parts<Parts>(c.avatar, where);
-    if (c.stage_at(1).stored) {
+    if (c.stage_at(1, 0).stored) {
         ConfiguredAvatarParams stored = c.avatar;
         stored.appearance_type = stored_appearance;
         check_part_names<Parts>(stored, where + ": schedule.stored");

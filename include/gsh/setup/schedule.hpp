@@ -25,15 +25,18 @@ struct TrainingStage {
 /// The settings of a schedule. The defaults are none: all of everything from the first step to the last.
 struct ScheduleParams {
     unsigned stride = 1; ///< a run begins with every stride-th Gaussian
+    /// But with no fewer Gaussians of a person, if the run has as many. A step with fewer takes as long.
+    std::size_t least_points = 10000;
     /// Share of the run after which all Gaussians take part. Before, their number doubles in equal intervals.
     double all_points = 0.5;
     /// Share of the run after which colours and displacements, which came from a field, are attributes of each
     /// Gaussian. 1: never.
     double stored = 1;
 
-    /// The stage of a run of which the share `progress` is over.
-    [[nodiscard]] TrainingStage at(double progress) const {
-        const int doublings = std::bit_width(stride) - 1;
+    /// The stage of a run with `points` Gaussians of which the share `progress` is over.
+    [[nodiscard]] TrainingStage at(double progress, std::size_t points) const {
+        int doublings = std::bit_width(stride) - 1;
+        while (doublings > 0 && points >> doublings < least_points) --doublings;
         int left = doublings;
         while (left > 0 && progress >= all_points * (doublings - left + 1) / doublings) --left;
         return {.stride = std::size_t(1) << left, .stored = left == 0 && stored < 1 && progress >= stored};
@@ -42,6 +45,7 @@ struct ScheduleParams {
     template <class Self, class F>
     static void for_each_setting(Self& self, const F& f) {
         f("schedule.stride", self.stride, SettingRange::power_of_two());
+        f("schedule.least_points", self.least_points, SettingRange::at_least(1));
         f("schedule.all_points", self.all_points, SettingRange::share());
         f("schedule.stored", self.stored, SettingRange::share());
     }
