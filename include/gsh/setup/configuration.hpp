@@ -73,8 +73,8 @@ struct Configuration {
     /// Whether fields read depths or normals.
     [[nodiscard]] bool has_priors() const { return depth_prior || normal_prior; }
 
-    /// The stage of the training of `points` Gaussians when the share `progress` of a run is over. Colours that change with the time, and
-    /// appearances that appearance_type names, which may do so, are not stored.
+    /// The stage of the training of `points` Gaussians when the share `progress` of a run is over. Colours that change
+    /// with the time, and appearances that appearance_type names, which may do so, are not stored.
     [[nodiscard]] TrainingStage stage_at(double progress, std::size_t points) const {
         TrainingStage stage = schedule.at(progress, points);
         if (avatar.head_time || !avatar.appearance_type.empty()) stage.stored = false;
