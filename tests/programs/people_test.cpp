@@ -451,7 +451,7 @@ TEST_CASE("each of two people who pass each other is as good as alone") {
                       "1000",
                       "--out",
                       out.string()};
-        if (!asked) // a person alone gains more from stages in so few steps
+        if (!asked) // these steps are too few for stored colours
             words.insert(words.end(), {"--set", "hash.table_size=4096", "--set", "ao.table_size=4096", "--set",
                                        "schedule.stored=1"});
         check_done(run(words));
