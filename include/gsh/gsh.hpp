@@ -19,6 +19,7 @@
 #include <gsh/math/affine.hpp>
 #include <gsh/math/assignment.hpp>
 #include <gsh/math/bordered_band.hpp>
+#include <gsh/math/box.hpp>
 #include <gsh/math/dual_quat.hpp>
 #include <gsh/math/linalg.hpp>
 #include <gsh/math/low_rank.hpp>

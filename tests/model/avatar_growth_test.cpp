@@ -5,7 +5,7 @@
 #include <gsh/model/configured_avatar.hpp>
 
 #include "support/bodies.hpp"
-#include "support/contains.hpp"
+#include "support/learned.hpp"
 
 #include <cmath>
 #include <cstddef>
@@ -56,12 +56,6 @@ void scramble(Model& model, std::uint64_t seed) {
             for (float& number : numbers) number += static_cast<float>(rng.uniform(0.01, 0.2));
 }
 
-LearnedArray<float> array_of(const LearnedArrays<float>& arrays, const std::string& name) {
-    const auto* found = detail::find_array(arrays, name);
-    REQUIRE(found);
-    return *found;
-}
-
 } // namespace
 
 TEST_CASE("a model of thinned points has the fields of the model of all: they give a point the same") {
@@ -69,8 +63,8 @@ TEST_CASE("a model of thinned points has the fields of the model of all: they gi
     Model all = tube.make(1), part = tube.make(4);
     scramble(all, 1);
     carry_over(tube.backend,
-               LearnedArrays<float>{array_of(all.learned(), "shared_field.table"),
-                                    array_of(all.learned(), "shared_field.network")},
+               LearnedArrays<float>{test::learned_array(all, "shared_field.table"),
+                                    test::learned_array(all, "shared_field.network")},
                part.learned());
     all.update_canonical(), part.update_canonical();
     const auto a = all.gaussians(), b = part.gaussians();
@@ -111,9 +105,9 @@ TEST_CASE("a point takes over what its parent has learned, and the moments of it
     scramble(part, 3);
     const PointParents parents(coarse, tube.all);
     carry_over(tube.backend, part.learned(), all.learned(), parents);
-    const auto from = part.learned(), to = all.learned();
-    const auto &opacity = array_of(from, "opacity_logits"), &of_points = array_of(to, "opacity_logits");
-    const auto &scales = array_of(from, "log_scales"), &of_all = array_of(to, "log_scales");
+    const auto &opacity = test::learned_array(part, "opacity_logits"),
+               &of_points = test::learned_array(all, "opacity_logits");
+    const auto &scales = test::learned_array(part, "log_scales"), &of_all = test::learned_array(all, "log_scales");
     const double share = static_cast<double>(part.size()) / static_cast<double>(all.size());
     for (std::size_t i = 0; i < all.size(); ++i) {
         const std::size_t parent = parents.parents[i];
@@ -129,7 +123,7 @@ TEST_CASE("a point takes over what its parent has learned, and the moments of it
     }
     // Joints and fields do not depend on the points.
     for (const char* name : {"joints", "shared_field.table", "shared_field.network"}) {
-        const auto &a = array_of(from, name), &b = array_of(to, name);
+        const auto &a = test::learned_array(part, name), &b = test::learned_array(all, name);
         CHECK(std::vector<float>(a.values.begin(), a.values.end()) ==
               std::vector<float>(b.values.begin(), b.values.end()));
         CHECK(std::vector<float>(a.second_moment.begin(), a.second_moment.end()) ==
@@ -152,7 +146,7 @@ TEST_CASE("rotations turn with the normal, and not across something thin") {
     CHECK(parents.log_scales[2] == doctest::Approx(0));
     // 45 degrees about y, then 90 about z: the product of the quaternions rotates as the product of the matrices.
     const quat<double> z{std::sqrt(0.5), 0, 0, std::sqrt(0.5)};
-    const auto both = rotation_matrix(detail::quat_product(z, parents.turns[1])) * vec3<double>(1, 2, 3);
+    const auto both = rotation_matrix(product(z, parents.turns[1])) * vec3<double>(1, 2, 3);
     const auto steps = rotation_matrix(z) * (rotation_matrix(parents.turns[1]) * vec3<double>(1, 2, 3));
     CHECK(length(both - steps) < 1e-12);
     CHECK_THROWS_WITH_AS(PointParents(SurfaceSamples(), fine), doctest::Contains("there are no samples"), ValueError);
@@ -172,10 +166,10 @@ TEST_CASE("stored colours and displacements give the splats of the field that th
         CHECK(a.colors[i] == b.colors[i]);
         CHECK(a.opacities[i] == b.opacities[i]);
     }
-    for (const float moment : array_of(stored.learned(), "sh").first_moment) CHECK(moment == 0);
+    for (const float moment : test::learned_array(stored, "sh").first_moment) CHECK(moment == 0);
 
     store_appearance(tube.backend, field.appearance().view(), 1, stored.learned());
-    const auto sh = array_of(stored.learned(), "sh").values;
+    const auto sh = test::learned_array(stored, "sh").values;
     const auto view = field.appearance().view();
     for (std::size_t i = 0; i < stored.size(); ++i) {
         CHECK(sh[27 * i] == view.sh[i * view.sh_stride].x);

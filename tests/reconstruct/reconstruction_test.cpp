@@ -40,6 +40,29 @@ void check_same(AnyReconstruction& a, AnyReconstruction& b) {
     CHECK(a.compare(photo).render.data == b.compare(photo).render.data);
 }
 
+/// Two people on a backend whose memory the host cannot access have the bits of the threads.
+void check_guarded(const Recipe& recipe) {
+    cpu::Threads host(2);
+    test::Guarded guarded;
+    Threads threads(host, small_input(2), recipe);
+    Reconstruction<test::Guarded> other(guarded, host, small_input(2), recipe);
+    TrainingRecord of_threads, of_other;
+    train(threads, recipe.length(), of_threads);
+    train(other, recipe.length(), of_other);
+    CHECK(of_threads.loss == of_other.loss);
+    REQUIRE(threads.setup.people.size() == 2);
+    CHECK(threads.setup.people[1].name == "bob");
+    CHECK(threads.setup.people[0].seed != threads.setup.people[1].seed);
+    check_same(threads, other);
+}
+
+/// A small recipe with each kind of stage: a quarter, half, and all of the Gaussians, then stored colours.
+Recipe staged_recipe(std::uint64_t steps) {
+    Recipe recipe = small_recipe(steps);
+    recipe.configuration.schedule = ScheduleParams{.stride = 4, .least_points = 50, .all_points = 0.5, .stored = 0.75};
+    return recipe;
+}
+
 } // namespace
 
 TEST_CASE("the default recipe trains a lit avatar, and reports each stage from its beginning to its end") {
@@ -123,31 +146,9 @@ TEST_CASE("a training that was stopped, or goes on from a checkpoint, ends with 
 }
 
 TEST_CASE("two people on a backend whose memory the host cannot access have the bits of the threads") {
-    cpu::Threads host(2);
-    test::Guarded guarded;
-    const Recipe recipe = small_recipe(3);
-    Threads threads(host, small_input(2), recipe);
-    Reconstruction<test::Guarded> other(guarded, host, small_input(2), recipe);
-    TrainingRecord of_threads, of_other;
-    train(threads, recipe.length(), of_threads);
-    train(other, recipe.length(), of_other);
-    CHECK(of_threads.loss == of_other.loss);
-    REQUIRE(threads.setup.people.size() == 2);
-    CHECK(threads.setup.people[1].name == "bob");
-    CHECK(threads.setup.people[0].seed != threads.setup.people[1].seed);
-    check_same(threads, other);
+    check_guarded(small_recipe(3));
+    check_guarded(staged_recipe(4)); // grows
 }
-
-namespace {
-
-/// A small recipe with each kind of stage: a quarter, half, and all of the Gaussians, then stored colours.
-Recipe staged_recipe(std::uint64_t steps) {
-    Recipe recipe = small_recipe(steps);
-    recipe.configuration.schedule = ScheduleParams{.stride = 4, .least_points = 50, .all_points = 0.5, .stored = 0.75};
-    return recipe;
-}
-
-} // namespace
 
 TEST_CASE("a training grows in stages, and avatars of each stage can be exported") {
     cpu::Threads backend(2);
@@ -233,19 +234,6 @@ TEST_CASE("a training goes on from a checkpoint of each stage, or before the nex
     CHECK(stopped.table_counts().lookups == 0);
     CHECK_THROWS_WITH_AS((void)load_checkpoint(folder / "checkpoint1.gsh", whole),
                          doctest::Contains("is of an earlier stage than this training"), ValueError);
-}
-
-TEST_CASE("two people grow in stages on a backend whose memory the host cannot access, as on threads") {
-    cpu::Threads host(2);
-    test::Guarded guarded;
-    const Recipe recipe = staged_recipe(4);
-    Threads threads(host, small_input(2), recipe);
-    Reconstruction<test::Guarded> other(guarded, host, small_input(2), recipe);
-    TrainingRecord of_threads, of_other;
-    train(threads, recipe.length(), of_threads);
-    train(other, recipe.length(), of_other);
-    CHECK(of_threads.loss == of_other.loss);
-    check_same(threads, other);
 }
 
 TEST_CASE("poses are registered on the backend that trains, with the bits of the threads") {

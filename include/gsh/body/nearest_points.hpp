@@ -3,6 +3,7 @@
 #pragma once
 
 #include <gsh/core/span.hpp>
+#include <gsh/math/box.hpp>
 #include <gsh/math/vec.hpp>
 
 #include <algorithm>
@@ -23,10 +24,9 @@ class NearestPoints {
 public:
     explicit NearestPoints(Span<const vec3<double>> points) : points_(points.begin(), points.end()) {
         if (points_.empty()) return;
-        vec3<double> high = low_ = points_[0];
-        for (const auto& p : points_)
-            for (int k = 0; k < 3; ++k) low_[k] = std::min(low_[k], p[k]), high[k] = std::max(high[k], p[k]);
-        const vec3<double> extent = high - low_;
+        const Box box = box_of_points(points_);
+        low_ = box.low;
+        const vec3<double> extent = box.high - box.low;
         const double largest = std::max({extent.x, extent.y, extent.z, std::numeric_limits<double>::min()});
         // Points on a surface occupy about n² of n³ cells. The upper bound limits the memory for any other set.
         const double n = std::clamp(std::floor(std::sqrt(static_cast<double>(points_.size()))), 1.0, 256.0);

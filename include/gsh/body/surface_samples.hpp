@@ -11,6 +11,7 @@
 #include <gsh/core/rng.hpp>
 #include <gsh/core/setting.hpp>
 #include <gsh/core/span.hpp>
+#include <gsh/math/box.hpp>
 #include <gsh/math/vec.hpp>
 
 #include <algorithm>
@@ -109,9 +110,7 @@ namespace detail {
     std::vector<std::size_t> order(points.size());
     std::iota(order.begin(), order.end(), std::size_t(0));
     if (points.empty()) return order;
-    vec3<double> low = points[0], high = points[0];
-    for (const auto& p : points)
-        for (int k = 0; k < 3; ++k) low[k] = std::min(low[k], p[k]), high[k] = std::max(high[k], p[k]);
+    const auto [low, high] = box_of_points(points);
     const vec3<double> extent = high - low;
     const double largest = std::max({extent.x, extent.y, extent.z});
     const double scale = largest > 0 ? 1 / largest : 0;

@@ -5,7 +5,6 @@
 #include <gsh/body/skinning.hpp>
 #include <gsh/body/surface_samples.hpp>
 #include <gsh/core/error.hpp>
-#include <gsh/core/span.hpp>
 
 #include <cmath>
 #include <cstddef>

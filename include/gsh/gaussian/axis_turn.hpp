@@ -53,9 +53,8 @@ void turn_axes(GaussianCloud<T>& cloud, const mat3<double>& A) {
         for (std::size_t i = 0; i < cloud.size(); ++i) {
             cloud.means[i] = vec3<T>(R * vec3<double>(cloud.means[i]));
             const quat<T> q = cloud.quats[i];
-            cloud.quats[i] = {
-                T(r.w * q.w - r.x * q.x - r.y * q.y - r.z * q.z), T(r.w * q.x + r.x * q.w + r.y * q.z - r.z * q.y),
-                T(r.w * q.y - r.x * q.z + r.y * q.w + r.z * q.x), T(r.w * q.z + r.x * q.y - r.y * q.x + r.z * q.w)};
+            const quat<double> turned = product(r, quat<double>{q.w, q.x, q.y, q.z});
+            cloud.quats[i] = {T(turned.w), T(turned.x), T(turned.y), T(turned.z)};
             turn_sh<decltype(degree)::value>(R, cloud.sh.data() + i * basis);
         }
     });

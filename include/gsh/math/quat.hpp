@@ -49,6 +49,13 @@ template <Lane T>
     return normalize(quat<T>{real, select(opposite, T(1), -n.y), n.x, T(0)});
 }
 
+/// a b: for unit quaternions the rotation b, followed by a.
+template <Lane T>
+[[nodiscard]] GSH_HD quat<T> product(const quat<T>& a, const quat<T>& b) {
+    return {a.w * b.w - a.x * b.x - a.y * b.y - a.z * b.z, a.w * b.x + a.x * b.w + a.y * b.z - a.z * b.y,
+            a.w * b.y - a.x * b.z + a.y * b.w + a.z * b.x, a.w * b.z + a.x * b.y - a.y * b.x + a.z * b.w};
+}
+
 /// The rotation matrix of a unit quaternion.
 template <Lane T>
 [[nodiscard]] GSH_HD mat3<T> rotation_matrix(const quat<T>& q) {

@@ -59,13 +59,6 @@ template <class T>
     return found == arrays.end() ? nullptr : &*found;
 }
 
-/// a b, the rotation b followed by a.
-template <class T>
-[[nodiscard]] quat<T> quat_product(const quat<T>& a, const quat<T>& b) {
-    return {a.w * b.w - a.x * b.x - a.y * b.y - a.z * b.z, a.w * b.x + a.x * b.w + a.y * b.z - a.z * b.y,
-            a.w * b.y - a.x * b.z + a.y * b.w + a.z * b.x, a.w * b.z + a.x * b.y - a.y * b.x + a.z * b.w};
-}
-
 /// rows[i] = factor times row parents[i] of an array.
 template <class T>
 [[nodiscard]] std::vector<T> rows_of_parents(const std::vector<T>& array, const std::vector<std::size_t>& parents,
@@ -117,7 +110,7 @@ void carry_over(B& backend, const LearnedArrays<T>& coarse, const LearnedArrays<
         if (to.name == "quats")
             for (std::size_t i = 0; i < points.turns.size(); ++i) {
                 T* const q = values.data() + 4 * i;
-                const auto turned = detail::quat_product(points.turns[i], quat<double>{q[0], q[1], q[2], q[3]});
+                const quat<double> turned = product(points.turns[i], quat<double>{q[0], q[1], q[2], q[3]});
                 q[0] = T(turned.w), q[1] = T(turned.x), q[2] = T(turned.y), q[3] = T(turned.z);
             }
         const double area = static_cast<double>(points.parent_count) / static_cast<double>(points.parents.size());
@@ -143,16 +136,14 @@ void store_appearance(B& backend, const AppearanceView<T>& from, std::size_t use
     const std::size_t basis = sh.values.size() / 3 / std::max<std::size_t>(points, 1);
     const std::vector<vec3<T>> rows = downloaded(backend, from.sh), moves = downloaded(backend, from.displacements);
     check_size("store_appearance", "sh", rows.size(), points * from.sh_stride, "those of the same points");
-    std::vector<T> colors(sh.values.size(), T(0)), places(displacements.values.size());
+    std::vector<vec3<T>> colors(points * basis, vec3<T>(T(0))), places(points);
     for (std::size_t i = 0; i < points; ++i) {
-        for (std::size_t k = 0; k < std::min(used, basis); ++k)
-            for (int c = 0; c < 3; ++c)
-                colors[3 * (i * basis + k) + static_cast<std::size_t>(c)] = rows[i * from.sh_stride + k][c];
-        for (int c = 0; c < 3; ++c)
-            places[3 * i + static_cast<std::size_t>(c)] = moves[i * from.displacement_stride][c];
+        std::copy_n(rows.begin() + static_cast<std::ptrdiff_t>(i * from.sh_stride), std::min(used, basis),
+                    colors.begin() + static_cast<std::ptrdiff_t>(i * basis));
+        places[i] = moves[i * from.displacement_stride];
     }
-    backend.upload(Span<const T>(colors), sh.values);
-    backend.upload(Span<const T>(places), displacements.values);
+    backend.upload(view_as<const T>(Span<const vec3<T>>(colors)), sh.values);
+    backend.upload(view_as<const T>(Span<const vec3<T>>(places)), displacements.values);
 }
 
 } // namespace gsh

@@ -8,6 +8,7 @@
 #include <gsh/core/error.hpp>
 #include <gsh/core/setting.hpp>
 #include <gsh/core/span.hpp>
+#include <gsh/math/box.hpp>
 #include <gsh/math/vec.hpp>
 
 #include <algorithm>
@@ -21,24 +22,6 @@
 
 namespace gsh {
 
-/// A box along the axes, by two of its corners. Metres.
-struct PointBox {
-    vec3<double> low = vec3<double>(0), high = vec3<double>(0);
-};
-
-/// The smallest box that contains all points.
-/// Errors  ValueError if there are none.
-[[nodiscard]] inline PointBox box_of_points(Span<const vec3<double>> points) {
-    check_value(!points.empty(), "box_of_points", "there are no points, expected at least one");
-    PointBox box{points[0], points[0]};
-    for (const auto& p : points)
-        for (int axis = 0; axis < 3; ++axis) {
-            box.low[axis] = std::min(box.low[axis], p[axis]);
-            box.high[axis] = std::max(box.high[axis], p[axis]);
-        }
-    return box;
-}
-
 /// Inputs of fields at the canonical points, beside their positions. Any may be missing.
 ///
 /// Shapes  region [N], τ of a RegionMask in [0, 1]; features [N, any number] row-major: depths and normals of prior
@@ -48,7 +31,7 @@ struct CanonicalPriors {
     std::vector<double> features;
     /// Contains the points of which these are a part, so that fields of both have the same domain. Missing: the points
     /// are all there are.
-    std::optional<PointBox> whole = {};
+    std::optional<Box> whole = {};
 };
 
 /// The priors of every stride-th of `points`, which are all that these priors are of.

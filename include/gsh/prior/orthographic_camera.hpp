@@ -4,6 +4,7 @@
 
 #include <gsh/core/error.hpp>
 #include <gsh/core/span.hpp>
+#include <gsh/math/box.hpp>
 #include <gsh/math/vec.hpp>
 
 #include <algorithm>
@@ -76,9 +77,7 @@ struct SideViewParams {
     check_value(params.margin >= 0 && params.margin < 0.5, where,
                 "margin is " + detail::number_text(params.margin) + ", expected a share in [0, 0.5)");
     check_finite<double>(where, "vertices", {&vertices[0].x, 3 * vertices.size()});
-    vec3<double> low = vertices[0], high = low;
-    for (const auto& v : vertices)
-        for (int k = 0; k < 3; ++k) low[k] = std::min(low[k], v[k]), high[k] = std::max(high[k], v[k]);
+    const auto [low, high] = box_of_points(vertices);
     const vec3<double> center = (low + high) * 0.5, extent = high - low;
     const double edge = std::max({extent.x, extent.y, extent.z}) / (1 - 2 * params.margin);
     check_value(edge > 0, where, "all vertices lie at one point");

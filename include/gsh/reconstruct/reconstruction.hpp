@@ -128,7 +128,7 @@ public:
             if (people_[p].refinement) add_refinement(file, *people_[p].refinement, p);
     }
     void load(const ArchiveReader& file) override {
-        enter(stage_of(file));
+        if (const TrainingStage stage = stage_of(file); stage != stage_) replace_models(stage, [](const auto&...) {});
         load_trainer(file, trainer_);
         for (std::size_t p = 0; p < people_.size(); ++p)
             if (people_[p].refinement) load_refinement(file, *people_[p].refinement, p);
@@ -228,33 +228,36 @@ private:
     [[nodiscard]] const Points& at_stage(const Points& all, std::optional<Points>& part) const {
         return stage_.stride == 1 ? all : part.emplace(thinned(all, stage_.stride));
     }
-    /// Replaces the models by those of another stage, which begin with what the present ones have learned. The trainer
-    /// has released its memory, or has taken no step.
-    void enter(const TrainingStage& next) {
-        if (next == stage_) return;
-        // The field gives colours of new points first, then they are stored.
-        if (next.stored && !stage_.stored) enter({.stride = next.stride});
+    /// Replaces the models by those of another stage; begin(person, present, made) lets each new one begin with what
+    /// the present one has learned. The trainer has released its memory, or has taken no step.
+    template <class Begin>
+    void replace_models(const TrainingStage& next, const Begin& begin) {
         for (std::size_t p = 0; p < people_.size(); ++p) {
-            Model& model = people_[p].model;
             Model made = make_model(p, next);
-            if (next.stride == stage_.stride) {
-                carry_over(*backend_, model.learned(), made.learned());
-            } else {
-                const SurfaceSamples& all = setup.people[p].samples;
-                carry_over(*backend_, model.learned(), made.learned(),
-                           PointParents(thinned(all, stage_.stride), thinned(all, next.stride)));
-            }
-            if (next.stored && !stage_.stored) {
-                model.update_canonical();
-                store_appearance(*backend_, model.appearance().view(),
-                                 model.is_view_dependent() ? sh_basis_count(Model::sh_degree) : 1, made.learned());
-            }
-            model = std::move(made);
+            begin(setup.people[p], people_[p].model, made);
+            people_[p].model = std::move(made);
         }
         stage_ = next;
         scene_.update_size();
         scene_.set_progress(trainer_.step_count(), trainer_.progress());
         drop_priors();
+    }
+    /// Goes on to a stage. The field gives colours of new points first, then they are stored.
+    void enter(const TrainingStage& next) {
+        if (next.stride != stage_.stride)
+            replace_models(
+                {.stride = next.stride, .stored = stage_.stored},
+                [&](const ReconstructionSetup::Person& from, Model& present, Model& made) {
+                    carry_over(*backend_, present.learned(), made.learned(),
+                               PointParents(thinned(from.samples, stage_.stride), thinned(from.samples, next.stride)));
+                });
+        if (next.stored && !stage_.stored)
+            replace_models(next, [&](const ReconstructionSetup::Person&, Model& present, Model& made) {
+                carry_over(*backend_, present.learned(), made.learned());
+                present.update_canonical();
+                store_appearance(*backend_, present.appearance().view(),
+                                 present.is_view_dependent() ? sh_basis_count(Model::sh_degree) : 1, made.learned());
+            });
     }
     /// Priors are large, and only the models of later stages read them.
     void drop_priors() {

@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  From coarse to fine: with how many points and pixels a training begins, and when fields have taught enough.
+/// @file  From coarse to fine: with how many Gaussians a training begins, and when its field has taught enough.
 #pragma once
 
 #include <gsh/core/setting.hpp>
 
-#include <algorithm>
 #include <bit>
 #include <cstddef>
 

@@ -8,6 +8,7 @@
 #include <gsh/gaussian/gaussians.hpp>
 #include <gsh/gaussian/shade.hpp>
 #include <gsh/math/activation.hpp>
+#include <gsh/math/box.hpp>
 #include <gsh/photo/photo.hpp>
 
 #include <algorithm>
@@ -28,11 +29,6 @@ namespace gsh {
 /// Units   metres (or the reconstruction's own unit); display-referred sRGB in [0, 1].
 struct ColoredPoints {
     std::vector<vec3<double>> points, colors;
-};
-
-/// A box along the axes.
-struct Box {
-    vec3<double> low = vec3<double>(0.0), high = vec3<double>(0.0);
 };
 
 /// Mean squared distance of each point to its `count` nearest others; to all others if there are fewer, 0 if there are
