@@ -78,9 +78,9 @@ void check_options(ReconstructOptions& o) {
     expect(o.steps == 0 || o.seconds == 0, "--steps and --seconds exclude each other");
     check_companions(o);
     (void)held_out_span(o); // reports an invalid one before anything is loaded
-    if (o.steps == 0) o.steps = o.synthetic ? 1200 : 3000;
     if (o.gaussians == 0) o.gaussians = o.synthetic ? 60000 : 170000;
     if (scene) { // reports invalid settings before anything is loaded
+        if (o.steps == 0) o.steps = TrainingLength().steps;
         (void)scene_configuration_of(o);
     } else {
         const Configuration configuration = configuration_of(o);

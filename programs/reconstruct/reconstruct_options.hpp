@@ -46,7 +46,7 @@ struct ReconstructOptions : PeopleOptions {
     bool lpips_table = false;                   ///< LPIPS as in published tables, see LpipsScaling
     std::optional<std::string> hold_out_motion; ///< SHARE or A:B
     std::size_t frame = 0;                      ///< for the configuration `static`
-    std::uint64_t steps = 0;                    ///< 0: the default for the kind of input
+    std::uint64_t steps = 0;                    ///< 0: as many as are usual for the configuration
     double seconds = 0;                         ///< of training; 0: use steps
     std::size_t gaussians = 0;                  ///< 0: the default for the kind of input
     std::uint64_t seed = 0;

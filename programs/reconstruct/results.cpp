@@ -360,6 +360,7 @@ std::optional<TestFigures> write_results(OutputFolder& out, const ReconstructOpt
     known.gaussians = setup.gaussian_count();
     known.unseen = std::accumulate(unseen.begin(), unseen.end(), std::size_t(0));
     known.refined = o.refine, known.steps = record.steps;
+    known.usual_steps = setup.configuration.usual_steps();
     if (figures.motion) {
         known.seen_motion = figures.motion->seen.mean.psnr_person;
         known.new_motion = figures.motion->unseen.mean.psnr_person;

@@ -33,9 +33,9 @@ Verdict verdict_of(const VerdictInput& input) {
         add("estimated-poses",
             "Poses were taken as they are. If they are estimates, --refine fits them to the photographs; wrong poses "
             "are the most frequent reason for a soft avatar. gsh-check shows whether they agree.");
-    if (!is_good && input.steps < 1500)
-        add("short-training",
-            "Training was short, " + std::to_string(input.steps) + " steps. Continue with --resume --steps 3000.");
+    if (!is_good && 2 * input.steps < input.usual_steps)
+        add("short-training", "Training was short, " + std::to_string(input.steps) + " steps. Continue with --resume " +
+                                  "--steps " + std::to_string(input.usual_steps) + ".");
     if (!input.doubtful_frames.empty())
         add("doubtful-frames",
             "Frames " + frames_text(input.doubtful_frames) +

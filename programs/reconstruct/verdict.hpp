@@ -17,7 +17,7 @@ struct VerdictInput {
     std::size_t gaussians = 0, unseen = 0;                   ///< unseen: by no photograph
     std::vector<std::size_t> doubtful_frames = {};           ///< that registration hardly believed
     bool refined = false;                                    ///< --refine
-    std::uint64_t steps = 0;
+    std::uint64_t steps = 0, usual_steps = 0; ///< of training; of one with the same configuration
 };
 
 /// Something that can be improved.

@@ -13,7 +13,8 @@ using namespace gsh::programs;
 
 VerdictInput good_avatar() {
     VerdictInput input{.person = 29, .face = 32, .hands = 26};
-    input.gaussians = 170000, input.unseen = 900, input.refined = false, input.steps = 3000;
+    input.gaussians = 170000, input.unseen = 900, input.refined = false;
+    input.steps = input.usual_steps = 3000;
     return input;
 }
 
@@ -69,7 +70,9 @@ TEST_CASE("verdict_of names poses and length of a training only where the avatar
     CHECK(verdict_of(input).advice.empty());
     input.person = 24;
     CHECK(advises(verdict_of(input), "--refine"));
-    CHECK(advises(verdict_of(input), "300 steps"));
+    CHECK(advises(verdict_of(input), "300 steps. Continue with --resume --steps 3000."));
+    input.usual_steps = 600; // half of them suffice
+    CHECK(!advises(verdict_of(input), "300 steps"));
     input.refined = true, input.steps = 3000;
     CHECK(verdict_of(input).advice.empty());
 }

@@ -79,6 +79,16 @@ TEST_CASE("a limit of memory reduces the number of Gaussians, with a warning, or
                          ValueError);
 }
 
+TEST_CASE("a recipe without a number of steps has those of its configuration") {
+    Recipe recipe;
+    CHECK(recipe.length().steps == 1500);
+    recipe.configuration = named_configuration("paper");
+    CHECK(recipe.length().steps == 3000);
+    recipe.steps = 7, recipe.seconds = 2;
+    CHECK(recipe.length().steps == 7);
+    CHECK(recipe.length().seconds == 2);
+}
+
 TEST_CASE("the text of a run names what a checkpoint depends on, and nothing else") {
     ReconstructionInput input = small_input(2);
     Recipe recipe = small_recipe();

@@ -66,8 +66,10 @@ TEST_CASE("colours that change with the time, and named appearances, are not sto
     Configuration c;
     c.schedule.stored = 0.3;
     CHECK(c.stage_at(0.5, many).stored);
+    CHECK(c.usual_steps() == 1500);
     c.avatar.head_time = true;
     CHECK(!c.stage_at(0.5, many).stored);
+    CHECK(c.usual_steps() == 3000);
     c.avatar.head_time = false, c.avatar.appearance_type = "shared_field";
     CHECK(!c.stage_at(0.5, many).stored);
 }

@@ -20,6 +20,7 @@
 
 #include <array>
 #include <cstddef>
+#include <cstdint>
 #include <string>
 #include <string_view>
 
@@ -80,6 +81,9 @@ struct Configuration {
         if (avatar.head_time || !avatar.appearance_type.empty()) stage.stored = false;
         return stage;
     }
+
+    /// The steps of a run for which no number is chosen. Half as many do once colours are stored with each Gaussian.
+    [[nodiscard]] std::uint64_t usual_steps() const { return stage_at(1, 0).stored ? 1500 : 3000; }
 
     /// All settings but the name.
     template <class Self, class F>
@@ -163,7 +167,12 @@ inline constexpr std::string_view default_configuration = "light";
         c.avatar.light = true;
         c.avatar.model.sh_start = 0.3; // when gains have been found
         c.train.gain.rate = 0.03;
-        c.schedule = ScheduleParams{.stride = 4, .all_points = 0.3, .stored = 0.3};
+        c.schedule = ScheduleParams{.stride = 2, .all_points = 0.1, .stored = 0.2};
+        // A run has stages so that it can be short. In a tenth of the steps of 3DGS, each of them must lead further.
+        c.avatar.appearance.stored_sh_rate = 5e-3;
+        c.avatar.appearance.stored_displacement_rate = 1e-4;
+        c.avatar.model.log_scale_rate = 0.03;
+        c.avatar.model.quat_rate = 4e-3;
     } else {
         std::string message(where);
         message.append(where.empty() ? "" : ": ").append("there is no configuration '").append(name);
