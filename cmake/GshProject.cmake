@@ -37,6 +37,8 @@ endif()
 # as long.
 set(gsh_joined_test_options ${gsh_joined_options} $<$<CONFIG:Release>:-O2>)
 # For code of such a build that runs no kernel for long: -Og saves more time in the compiler than it costs at run time.
+# Never for a part of a program that users run: where two of its objects instantiate the same template, the linker keeps
+# the first one for both. The page's renderer at -Og made training steps 1.7 times as long.
 set(gsh_brief_options $<$<CONFIG:Release>:-Og>)
 
 add_library(gsh_project INTERFACE)

@@ -25,7 +25,7 @@ function(gsh_add_viewer name programs)
   target_link_libraries(${name} PUBLIC ${programs} PkgConfig::httplib PRIVATE PkgConfig::turbojpeg)
   if(GSH_JOIN_SOURCES)
     set_target_properties(${name} PROPERTIES UNITY_BUILD ON UNITY_BUILD_BATCH_SIZE 0)
-    target_compile_options(${name} PRIVATE ${gsh_joined_options} ${gsh_brief_options})
+    target_compile_options(${name} PRIVATE ${gsh_joined_options}) # not gsh_brief_options, see there
   endif()
   add_dependencies(${name} gsh_web_files)
 endfunction()
