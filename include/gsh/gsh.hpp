@@ -103,6 +103,7 @@
 #include <gsh/gaussian/cloud_edits.hpp>
 #include <gsh/gaussian/covariance.hpp>
 #include <gsh/gaussian/gaussians.hpp>
+#include <gsh/gaussian/merged_gaussian.hpp>
 #include <gsh/gaussian/moved_cloud.hpp>
 #include <gsh/gaussian/rigid_pieces.hpp>
 #include <gsh/gaussian/sh_fit.hpp>
@@ -170,9 +171,11 @@
 #include <gsh/avatar/avatar.hpp>
 #include <gsh/avatar/avatar_part.hpp>
 #include <gsh/avatar/avatar_pass.hpp>
+#include <gsh/avatar/coarser_avatar.hpp>
 #include <gsh/avatar/colored_mesh.hpp>
 #include <gsh/avatar/deformation.hpp>
 #include <gsh/avatar/facing_weights.hpp>
+#include <gsh/avatar/gaussian_groups.hpp>
 #include <gsh/avatar/light_place.hpp>
 #include <gsh/avatar/moving_pieces.hpp>
 #include <gsh/avatar/mutual_shadows.hpp>
@@ -181,6 +184,7 @@
 #include <gsh/avatar/skinned_gaussian.hpp>
 #include <gsh/avatar/skinned_splats.hpp>
 #include <gsh/avatar/still_frames.hpp>
+#include <gsh/avatar/view_detail.hpp>
 
 #include <gsh/fit/absent_people.hpp>
 #include <gsh/fit/associate_people.hpp>
