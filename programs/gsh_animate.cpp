@@ -8,6 +8,7 @@
 #include "common/output_folder.hpp"
 #include "common/program.hpp"
 #include "common/progress.hpp"
+#include "show/detail_option.hpp"
 #include "show/framing.hpp"
 #include "show/light_command.hpp"
 #include "show/light_option.hpp"
@@ -41,6 +42,7 @@ struct AnimateOptions {
     bool upright = false, as_stored = false; ///< at most one of them is set
     RigOption rig;
     LightOption light;
+    DetailOption detail;
     std::array<double, 3> background{1, 1, 1};
     BackendOption machine;
 };
@@ -99,6 +101,7 @@ int animate(const AnimateOptions& options) {
                  " frames are shown, as many as the shortest motion has");
     const Camera<double> camera = options.camera.empty() ? frame_people(people, options.size)
                                                          : camera_of_file(options.camera, options.camera_name).camera;
+    if (frames > 0) coarsen(machine.host(), people, options.detail, camera, 0, frames - 1);
     const auto renderer = make_renderer(machine, people);
     watch_interrupts();
     Progress progress("animating");
@@ -141,6 +144,7 @@ int main(int argc, char** argv) {
     app.add_option("--out", options.out, "folder for the frames")->required();
     add_rig(app, options.rig);
     add_light(app, options.light);
+    add_detail(app, options.detail);
     add_background(app, options.background, "white");
     add_backend(app, options.machine);
     return run_program(app, argc, argv, [&] { return animate(options); });

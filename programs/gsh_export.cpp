@@ -12,6 +12,8 @@
 #include "show/light_command.hpp"
 #include "view/page_export.hpp"
 
+#include <gsh/avatar/coarser_avatar.hpp>
+#include <gsh/backend/threads.hpp>
 #include <gsh/gaussian/cloud_edits.hpp>
 #include <gsh/io/splat/still_splats.hpp>
 
@@ -31,6 +33,10 @@ ExportResult export_scene(const ExportOptions& options, const FormatTraits& trai
     if (!splats.notes.up && is_y_down(options.input)) restate_up(splats, UpAxis::minus_y); // by custom
     GaussianCloud<float>& cloud = splats.cloud;
     if (options.sh_degree) cloud = with_bands_up_to(std::move(cloud), *options.sh_degree);
+    if (options.gaussians) {
+        cpu::Threads backend(options.threads);
+        cloud = coarser_cloud(backend, cloud, *options.gaussians);
+    }
     if (options.largest)
         cloud = reordered(cloud, Span<const std::uint32_t>(largest_gaussians(cloud, *options.largest)));
     if (const auto order = order_for(traits, cloud); !order.empty())
@@ -80,6 +86,9 @@ int main(int argc, char** argv) {
                    "the vertical of " + y_down_endings() + ": -y (default), as most programs expect, or y")
         ->check(CLI::IsMember({"y", "-y"}));
     add_input_up(app, options.input_up);
+    app.add_option("--gaussians", options.gaussians,
+                   "merge neighbouring Gaussians that look alike until N are left, for small pictures")
+        ->check(above_zero());
     app.add_option("--largest", options.largest, "keep the N Gaussians with the largest size times opacity")
         ->check(above_zero());
     app.add_option("--spz", options.spz_version, "version of .spz: 3 (default) or 4")->check(CLI::IsMember({3, 4}));

@@ -6,6 +6,7 @@
 #include "common/messages.hpp"
 #include "common/program.hpp"
 #include "common/up_option.hpp"
+#include "show/detail_option.hpp"
 #include "show/light_command.hpp"
 #include "show/light_option.hpp"
 #include "show/renderer.hpp"
@@ -39,6 +40,7 @@ struct RenderOptions {
     RigOption rig;
     std::optional<double> time; ///< seconds, of an animated .glb
     LightOption light;
+    DetailOption detail;
     std::array<double, 3> background{0, 0, 0};
     BackendOption machine;
 };
@@ -89,11 +91,13 @@ int render(const RenderOptions& options) {
                 "--input-up is for a scene, not for avatars (.gsh)");
     check_value(avatars || options.light.is_default(), options.scenes[0].string(),
                 "--light, --light-turn and --exposure need avatars (.gsh)");
+    check_value(avatars || options.detail.is_full(), options.scenes[0].string(), "--detail needs avatars (.gsh)");
     const auto kind = options.out.extension();
     check_value(kind.empty() || kind == ".png", "--out " + options.out.string(), "is a PNG file; name it .png");
     const Camera<double> camera = camera_of_file(options.camera, options.camera_name).camera;
     const vec3<float> background(options.background[0], options.background[1], options.background[2]);
-    const auto show_people = [&](const ShownPeople& people) {
+    const auto show_people = [&](ShownPeople people) {
+        coarsen(machine.host(), people, options.detail, camera, options.frame, options.frame);
         return make_renderer(machine, people)->render(options.frame, camera, background);
     };
     const auto show_scene = [&](const StillSplats& scene) {
@@ -139,6 +143,7 @@ int main(int argc, char** argv) {
     app.add_option("--npy", options.npy, "IMAGE.npy: the same picture as floats (height, width, 3), not rounded");
     add_rig(app, options.rig);
     add_light(app, options.light);
+    add_detail(app, options.detail);
     add_background(app, options.background, "black");
     add_backend(app, options.machine);
     return run_program(app, argc, argv, [&] { return render(options); });

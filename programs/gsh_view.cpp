@@ -8,6 +8,7 @@
 #include "common/program.hpp"
 #include "common/rig_option.hpp"
 #include "common/up_option.hpp"
+#include "show/detail_option.hpp"
 #include "show/light_command.hpp"
 #include "show/light_option.hpp"
 #include "view/view_scene.hpp"
@@ -35,6 +36,7 @@ struct ViewOptions {
     int size = 540;
     bool open = false;
     LightOption light;
+    DetailOption detail{"auto"};
     RigOption rig;
     BackendOption machine;
 };
@@ -65,6 +67,9 @@ int view(ViewOptions& options) {
     ViewScene scene =
         load_view_scene(options.scenes, options.poses, options.light, options.rig, warnings, options.input_up);
     scene.size = options.size;
+    scene.adapts_detail = options.detail.is_auto();
+    if (scene.people && !options.detail.is_auto() && !options.detail.is_full())
+        coarsen(machine.host(), scene.people->data, options.detail.count());
     for (const std::string& warning : warnings) warn(warning);
     ViewServer server(machine.host(), scene, options.server);
     if (options.server.host != "127.0.0.1" && options.server.host != "localhost" && options.server.host != "::1")
@@ -100,6 +105,7 @@ int main(int argc, char** argv) {
         ->check(CLI::Range(64, 4096));
     add_rig(app, options.rig);
     add_light(app, options.light);
+    add_detail(app, options.detail);
     add_threads(app, options.machine.threads);
     return run_program(app, argc, argv, [&] { return view(options); });
 }

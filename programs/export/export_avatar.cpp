@@ -9,6 +9,7 @@
 #include "show/shown_people.hpp"
 
 #include <gsh/avatar/avatar_part.hpp>
+#include <gsh/avatar/coarser_avatar.hpp>
 #include <gsh/avatar/moving_pieces.hpp>
 #include <gsh/avatar/still_frames.hpp>
 #include <gsh/cpu.hpp>
@@ -41,6 +42,7 @@ struct Exported {
     Exported(const ExportOptions& o, const FormatTraits& traits)
         : people({o.input}, o.poses, o.light, !o.as_stored && !o.poses.empty(), o.rig), backend(o.threads) {
         AvatarData& avatar = people.data[0];
+        if (o.gaussians) avatar = coarser_avatar(backend, avatar, *o.gaussians);
         if (o.largest)
             avatar = avatar_part(avatar, Span<const std::uint32_t>(largest_gaussians(avatar.gaussians, *o.largest)));
         if (const auto order = order_for(traits, avatar.gaussians); !order.empty())
@@ -139,7 +141,7 @@ ExportResult write_mesh(Exported& exported, const ExportOptions& o) {
 
 ExportResult write_compact(const Exported& exported, const ExportOptions& o) {
     AvatarData avatar = avatar_of_file(o.input); // with the light as trained, not as moved to a motion
-    if (o.largest) avatar = exported.avatar(), avatar.light = avatar_of_file(o.input).light;
+    if (o.largest || o.gaussians) avatar = exported.avatar(), avatar.light = avatar_of_file(o.input).light;
     avatar.gaussians = with_bands_up_to(std::move(avatar.gaussians), o.sh_degree.value_or(4));
     if (interrupted) return {};
     save_avatar(o.to, avatar, ArrayStorage::compact);

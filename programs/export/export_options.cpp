@@ -67,6 +67,7 @@ FormatTraits check_options(const ExportOptions& o) {
     needs(o.spz_version.has_value(), traits->is(SplatFormat::spz), "--spz", "is for files .spz");
     needs(o.clusters.has_value(), glb && o.is_moving(), "--clusters", "is for files .glb with --frames");
     needs(o.clusters.has_value(), !o.mesh, "--clusters", "excludes --mesh");
+    needs(o.gaussians.has_value(), !o.largest, "--gaussians", "excludes --largest");
     needs(o.mesh, glb && avatar, "--mesh", "is for an avatar (.gsh) and a file .glb");
     const bool compact = traits->kind == ExportKind::avatar;
     needs(compact, avatar, "--to", "a file .gsh is made from an avatar (.gsh)");

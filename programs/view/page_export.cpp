@@ -10,6 +10,7 @@
 #include "view/view_scene.hpp"
 
 #include <gsh/avatar/avatar_part.hpp>
+#include <gsh/avatar/coarser_avatar.hpp>
 #include <gsh/backend/threads.hpp>
 #include <gsh/gaussian/cloud_edits.hpp>
 #include <gsh/io/file/atomic_file.hpp>
@@ -47,9 +48,16 @@ void keep_frames(Motion& motion, const ExportOptions& o) {
     motion = frames_of_motion(motion, o.frame ? std::vector{chosen_frame(o, count)} : frames_of(o.frames, count));
 }
 
-/// Keeps the Gaussians and bands that --largest and --sh ask for.
+/// Keeps the Gaussians and bands that --gaussians, --largest and --sh ask for.
 void keep_gaussians(ViewScene& scene, const ExportOptions& o) {
     GaussianCloud<float>& cloud = scene.people ? scene.people->data[0].gaussians : scene.cloud;
+    if (o.gaussians) {
+        cpu::Threads backend(o.threads);
+        if (scene.people)
+            scene.people->data[0] = coarser_avatar(backend, scene.people->data[0], *o.gaussians);
+        else
+            cloud = coarser_cloud(backend, cloud, *o.gaussians);
+    }
     if (o.largest) {
         const std::vector<std::uint32_t> kept = largest_gaussians(cloud, *o.largest);
         if (scene.people)

@@ -6,6 +6,8 @@
 #include "view/view_scene.hpp"
 
 #include <gsh/avatar/avatar.hpp>
+#include <gsh/avatar/coarser_avatar.hpp>
+#include <gsh/avatar/view_detail.hpp>
 #include <gsh/cpu.hpp>
 #include <gsh/gaussian/gaussians.hpp>
 #include <gsh/gaussian/splats.hpp>
@@ -13,6 +15,7 @@
 #include <gsh/light/shadow_map.hpp>
 #include <gsh/render/rasterizer.hpp>
 
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <deque>
@@ -37,8 +40,9 @@ public:
         : backend_(&backend), scene_(&scene), rasterizer_(backend, raster_params<float>(scene.filter)) {
         std::size_t count = scene.cloud.size();
         if (scene.people) {
-            for (const AvatarData& data : scene.people->data) count += avatars_.emplace_back(backend, data).size();
-            poses_.resize(avatars_.size()), caches_.resize(avatars_.size());
+            count = add_level(fine_, scene.people->data);
+            poses_.resize(fine_.avatars.size());
+            if (scene.adapts_detail) add_coarse_level();
         } else {
             upload(backend, scene.cloud, cloud_);
         }
@@ -47,11 +51,12 @@ public:
 
     const Image<float>& draw(const ViewRequest& request) {
         const Camera<float> view = request.camera.cast<float>();
+        shown_ = splats_.view().size();
         if (scene_->people)
             pose_people(request, view.center());
         else
             color_cloud(view.center());
-        const SplatView<const float> splats = std::as_const(splats_).view();
+        const SplatView<const float> splats = std::as_const(splats_).view().subview(0, shown_);
         if (request.show == ViewRequest::Show::ellipsoids) {
             picture_ = draw_ellipsoids(*backend_, view, splats, request.background);
         } else {
@@ -63,24 +68,66 @@ public:
     }
 
 private:
-    void pose_people(const ViewRequest& request, const vec3<float>& center) {
-        turn_light(request.light_turn);
-        std::vector<vec3<double>> roots;
-        for (std::size_t p = 0; p < avatars_.size(); ++p) {
-            const auto& light = scene_->people->data[p].light;
-            avatars_[p].set_shadows(request.shadows && (!light || light->shadows));
-            avatars_[p].rig().upload_pose(request.people[p], 0, poses_[p]);
-            roots.push_back(request.people[p].transl[0]);
-        }
-        pose_avatars<B>(avatars_, poses_, roots, center, splats_.view(), caches_);
+    /// All people with a number of Gaussians.
+    struct Level {
+        std::deque<Avatar<B>> avatars;
+        std::vector<typename Avatar<B>::Cache> caches; // one per person
+        double turned = 0;                             // radians, of all lights
+    };
+
+    std::size_t add_level(Level& level, const std::vector<AvatarData>& people) {
+        std::size_t count = 0;
+        for (const AvatarData& data : people) count += level.avatars.emplace_back(*backend_, data).size();
+        level.caches.resize(level.avatars.size());
+        return count;
     }
 
-    void turn_light(double angle) {
-        if (angle == turned_) return;
-        for (std::size_t p = 0; p < avatars_.size(); ++p)
-            if (avatars_[p].is_lit())
-                avatars_[p].set_light(turned_light(*scene_->people->data[p].light, angle, scene_->light_centre(p)));
-        turned_ = angle;
+    /// The people with as many Gaussians as a picture needs in which the scene fills the height.
+    void add_coarse_level() {
+        const double most = scene_->size / std::max(2 * scene_->box.half.y, 0.01); // pixels in a metre
+        std::vector<AvatarData> people;
+        bool coarser = false;
+        for (const AvatarData& data : scene_->people->data) {
+            areas_.push_back(surface_area(data.rig));
+            people.push_back(coarser_avatar(*backend_, data, gaussians_for_view(areas_.back(), most)));
+            coarser |= people.back().gaussians.size() < data.gaussians.size();
+        }
+        if (coarser) add_level(coarse_, people);
+    }
+
+    /// The coarse level if it has enough Gaussians for every person in the picture.
+    [[nodiscard]] Level& level_for(const ViewRequest& request) {
+        for (std::size_t p = 0; p < coarse_.avatars.size(); ++p) {
+            const vec3<double> root = scene_->people->data[p].rig.joints[0] + request.people[p].transl[0];
+            const std::size_t needed = gaussians_for_view(areas_[p], pixels_per_metre(request.camera, root));
+            if (std::min(needed, fine_.avatars[p].size()) > coarse_.avatars[p].size()) return fine_;
+        }
+        return coarse_.avatars.empty() ? fine_ : coarse_;
+    }
+
+    void pose_people(const ViewRequest& request, const vec3<float>& center) {
+        Level& level = level_for(request);
+        std::deque<Avatar<B>>& avatars = level.avatars;
+        turn_light(level, request.light_turn);
+        std::vector<vec3<double>> roots;
+        shown_ = 0;
+        for (std::size_t p = 0; p < avatars.size(); ++p) {
+            const auto& light = scene_->people->data[p].light;
+            avatars[p].set_shadows(request.shadows && (!light || light->shadows));
+            avatars[p].rig().upload_pose(request.people[p], 0, poses_[p]);
+            roots.push_back(request.people[p].transl[0]);
+            shown_ += avatars[p].size();
+        }
+        pose_avatars<B>(avatars, poses_, roots, center, splats_.view().subview(0, shown_), level.caches);
+    }
+
+    void turn_light(Level& level, double angle) {
+        if (angle == level.turned) return;
+        for (std::size_t p = 0; p < level.avatars.size(); ++p)
+            if (level.avatars[p].is_lit())
+                level.avatars[p].set_light(
+                    turned_light(*scene_->people->data[p].light, angle, scene_->light_centre(p)));
+        level.turned = angle;
     }
 
     void color_cloud(const vec3<float>& center) {
@@ -95,13 +142,13 @@ private:
     Rasterizer<B> rasterizer_;
     Rasterizer<B>::Cache raster_cache_;
     Image<float> picture_;
-    std::deque<Avatar<B>> avatars_;
-    std::vector<RigPose<B, float>> poses_;          // one per person
-    std::vector<typename Avatar<B>::Cache> caches_; // likewise
+    Level fine_, coarse_;                  // coarse_ may be empty
+    std::vector<double> areas_;            // square metres, of each person, if the detail adapts
+    std::vector<RigPose<B, float>> poses_; // one per person
     Gaussians<B, float> cloud_;
     StaticSplatsCache<B> cloud_cache_;
     Splats<B, float> splats_; // of all people, or of the scene
-    double turned_ = 0;       // radians, of all lights
+    std::size_t shown_ = 0;   // splats in the picture, the first ones
 };
 
 ViewPainter::ViewPainter(cpu::Threads& backend, const ViewScene& scene)

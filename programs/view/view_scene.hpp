@@ -43,6 +43,7 @@ struct ViewScene {
     ViewBox box;
     RigOption rig;  ///< how motions of other rigs are read, also those that the page sends
     int size = 540; ///< pixels: the side of the page's picture at first
+    bool adapts_detail = false; ///< pictures that show people whole and small have fewer Gaussians
 
     [[nodiscard]] std::vector<PersonSize> sizes() const;
     /// The vertical axis about which a person's light turns goes through this point.
