@@ -20,8 +20,8 @@ struct ExportOptions {
     std::optional<std::size_t> frame;
     std::string frames; ///< A:B or A:B:S; empty for a still file
     std::optional<int> sh_degree;
-    std::optional<std::string> up;      ///< "y" or "-y", of the output
-    std::string input_up;               ///< of a scene; empty: what it states
+    std::optional<std::string> up;        ///< "y" or "-y", of the output
+    std::string input_up;                 ///< of a scene; empty: what it states
     std::optional<std::size_t> largest;   ///< number of Gaussians to keep
     std::optional<std::size_t> gaussians; ///< number of Gaussians that are left after merging
     std::optional<int> spz_version, clusters;

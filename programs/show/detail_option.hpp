@@ -22,7 +22,7 @@ namespace gsh::programs {
 struct ShownPeople;
 
 struct DetailOption {
-    std::string detail = "full"; ///< "full", "auto" (as many Gaussians as the picture needs), or a number for each avatar
+    std::string detail = "full"; ///< "full", "auto" (as many Gaussians as the picture needs), or a number
 
     [[nodiscard]] bool is_full() const { return detail == "full"; }
     [[nodiscard]] bool is_auto() const { return detail == "auto"; }

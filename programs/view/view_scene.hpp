@@ -41,8 +41,8 @@ struct ViewScene {
     bool y_down = false;                          ///< by custom: the scene stands upright when y points down
     PixelFilter filter;
     ViewBox box;
-    RigOption rig;  ///< how motions of other rigs are read, also those that the page sends
-    int size = 540; ///< pixels: the side of the page's picture at first
+    RigOption rig;              ///< how motions of other rigs are read, also those that the page sends
+    int size = 540;             ///< pixels: the side of the page's picture at first
     bool adapts_detail = false; ///< pictures that show people whole and small have fewer Gaussians
 
     [[nodiscard]] std::vector<PersonSize> sizes() const;

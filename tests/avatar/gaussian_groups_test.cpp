@@ -97,7 +97,8 @@ TEST_CASE("groups are the same on any number of threads") {
         const GaussianGroups found = gaussian_groups(backend, cloud, 1700);
         CHECK(found.group == expected.group);
         CHECK(found.leads == expected.leads);
-        for (std::size_t g = 0; g < found.size(); ++g) CHECK(found.mixtures[g].coverage == expected.mixtures[g].coverage);
+        for (std::size_t g = 0; g < found.size(); ++g)
+            CHECK(found.mixtures[g].coverage == expected.mixtures[g].coverage);
     }
 }
 

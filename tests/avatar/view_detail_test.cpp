@@ -17,7 +17,7 @@ TEST_CASE("the surface of a tube has the area of the prism that it is") {
     rig.body = test::tube(4, 5, 100);
     rig.betas.assign(3, 0.0);
     const double radius = 0.2, sides = 100, half = std::numbers::pi / sides;
-    const double expected = 2 * sides * radius * std::sin(half) * 1.6 +             // the wall
+    const double expected = 2 * sides * radius * std::sin(half) * 1.6 +                    // the wall
                             2 * sides * radius * radius * std::sin(half) * std::cos(half); // both ends
     CHECK(surface_area(rig) == doctest::Approx(expected));
     for (vec3<double>& v : rig.body.v_template) v *= 3;

@@ -16,7 +16,9 @@ using namespace gsh;
 namespace {
 
 PlainGaussian some_gaussian(test::Rng& rng) {
-    return {rng.vec(-0.02, 0.02), {rng.normal(), rng.normal(), rng.normal(), rng.normal()}, rng.vec(-6, -3.5),
+    return {rng.vec(-0.02, 0.02),
+            {rng.normal(), rng.normal(), rng.normal(), rng.normal()},
+            rng.vec(-6, -3.5),
             rng.uniform(-2, 2)};
 }
 
@@ -61,8 +63,8 @@ TEST_CASE("a mixture has the moments of its Gaussians in whatever order they are
     mat3<double> second(0.0); // about the mean
     for (const PlainGaussian& g : all) {
         const vec3<double> d = g.mean - mean;
-        second += (full_matrix(covariance(g.q, g.log_scale)) + outer(d, d)) *
-                  (sigmoid(g.opacity_logit) * area_of(g) / mass);
+        second +=
+            (full_matrix(covariance(g.q, g.log_scale)) + outer(d, d)) * (sigmoid(g.opacity_logit) * area_of(g) / mass);
     }
     const auto check = [&](const GaussianMixture& found) {
         CHECK(found.mass == doctest::Approx(mass).epsilon(1e-12));
@@ -73,9 +75,9 @@ TEST_CASE("a mixture has the moments of its Gaussians in whatever order they are
     GaussianMixture row = mixture_of(all[0]);
     for (std::size_t i = 1; i < all.size(); ++i) row = merged(row, mixture_of(all[i]));
     check(row);
-    check(merged(merged(mixture_of(all[5]), mixture_of(all[2])),
-                 merged(merged(mixture_of(all[0]), mixture_of(all[4])),
-                        merged(mixture_of(all[1]), mixture_of(all[3])))));
+    check(
+        merged(merged(mixture_of(all[5]), mixture_of(all[2])),
+               merged(merged(mixture_of(all[0]), mixture_of(all[4])), merged(mixture_of(all[1]), mixture_of(all[3])))));
 }
 
 TEST_CASE("the Gaussian of a mixture has its moments") {

@@ -125,16 +125,16 @@ template <HostExecutor E>
 /// The avatar with `count` Gaussians, or the same one if it has no more. It has the body, the joints, the light, the
 /// deformation and the pixel filter of `avatar`, and its motions.
 ///
-/// Gaussians merge in the canonical pose (gaussian_groups). A merged one has the moments and the coverage of the mixture
-/// (GaussianMixture). The mean of its members, weighted by their masses, gives its
+/// Gaussians merge in the canonical pose (gaussian_groups). A merged one has the moments and the coverage of the
+/// mixture (GaussianMixture). The mean of its members, weighted by their masses, gives its
 ///
 /// - SH coefficients, ambient occlusion and mean irradiance;
 /// - numbers of the occlusion field: sums of the first layer, in which the mean is that of the encoding;
 /// - skinning weights. Of these, the largest stay, as many as the avatar has for a Gaussian, and sum to 1 again.
 ///
-/// It is attached to the triangle of its lead, whose shape, expression and normal it follows. Every level can be made of
-/// a finer one. Clamped colours and products of colour and ambient occlusion are averaged factor by factor, so that they
-/// are those of the members only where these are alike.
+/// It is attached to the triangle of its lead, whose shape, expression and normal it follows. A level can be made of any
+/// finer one. Colours are averaged before they are clamped, and apart from ambient occlusion and light. What is shown is
+/// therefore the mean of the members only as far as these are alike.
 ///
 /// Errors  ShapeError if rig, Gaussians and their attributes differ in number; those of gaussian_groups.
 template <HostExecutor E>
@@ -147,8 +147,7 @@ template <HostExecutor E>
     if (!avatar.ao.empty()) check_size(where, "ao", avatar.ao.size(), N, "one per Gaussian, or none");
     if (!avatar.mean_irradiance.empty())
         check_size(where, "mean_irradiance", avatar.mean_irradiance.size(), N, "one per Gaussian, or none");
-    if (avatar.occlusion_field)
-        check_occlusion_field(where, *avatar.occlusion_field, N, avatar.rig.joint_count());
+    if (avatar.occlusion_field) check_occlusion_field(where, *avatar.occlusion_field, N, avatar.rig.joint_count());
     check_value(params.skin_length >= 0, where, "skin_length must not be negative");
     check_value(count > 0, where, "count is 0, expected at least 1");
     if (count >= N) return avatar;

@@ -105,7 +105,9 @@ private:
 
     [[nodiscard]] static PlainGaussian plain_gaussian(const GaussianCloud<float>& cloud, std::size_t i) {
         const quat<float>& q = cloud.quats[i];
-        return {vec3<double>(cloud.means[i]), {q.w, q.x, q.y, q.z}, vec3<double>(cloud.log_scales[i]),
+        return {vec3<double>(cloud.means[i]),
+                {q.w, q.x, q.y, q.z},
+                vec3<double>(cloud.log_scales[i]),
                 cloud.opacity_logits[i]};
     }
 
@@ -162,8 +164,8 @@ private:
                 continue;
             }
             number[i] = next;
-            const auto [mixture, look, lead] = j == none ? std::tuple(groups_.mixtures[i], looks_[i], groups_.leads[i])
-                                                         : both(i, j);
+            const auto [mixture, look, lead] =
+                j == none ? std::tuple(groups_.mixtures[i], looks_[i], groups_.leads[i]) : both(i, j);
             groups_.mixtures[next] = mixture, looks_[next] = look, groups_.leads[next] = lead;
             ++next;
         }
@@ -179,10 +181,10 @@ private:
     [[nodiscard]] std::tuple<GaussianMixture, Look, std::uint32_t> both(std::uint32_t i, std::uint32_t j) const {
         const GaussianMixture &p = groups_.mixtures[i], &q = groups_.mixtures[j];
         const std::uint32_t heavier = p.mass >= q.mass ? i : j;
-        return {merged(p, q),
-                {looks_[heavier].normal,
-                 (looks_[i].color * p.mass + looks_[j].color * q.mass) * (1 / (p.mass + q.mass))},
-                groups_.leads[heavier]};
+        return {
+            merged(p, q),
+            {looks_[heavier].normal, (looks_[i].color * p.mass + looks_[j].color * q.mass) * (1 / (p.mass + q.mass))},
+            groups_.leads[heavier]};
     }
 
     E* executor_;
@@ -195,8 +197,8 @@ private:
 
 } // namespace detail
 
-/// Divides Gaussians into `count` groups, or into one each if there are no more. Two groups a and b of masses m merge at
-/// the cost
+/// Divides Gaussians into `count` groups, or into one each if there are no more. Two groups a and b of masses m merge
+/// at the cost
 ///
 ///     m_a m_b / (m_a + m_b) (|Δcolour|² + |Δμ|² / length² + ((n_a·Δμ)² + (n_b·Δμ)²) / 2 thickness² + apart(a, b)),
 ///

@@ -18,8 +18,8 @@ namespace gsh {
 
 /// Several Gaussians as a mixture, and how much of a picture they cover.
 ///
-/// A Gaussian i of opacity α_i, seen along its shortest axis, covers α_i A_i, where the area A_i is 2π times the product
-/// of its two larger standard deviations. That is its mass m_i. A mixture has
+/// A Gaussian i of opacity α_i, seen along its shortest axis, covers α_i A_i, where the area A_i is 2π times the
+/// product of its two larger standard deviations. That is its mass m_i. A mixture has
 ///
 ///     m = Σ m_i,    μ = Σ m_i μ_i / m,    C = Σ m_i (C_i + (μ_i - μ)(μ_i - μ)ᵀ) / m,
 ///
@@ -113,8 +113,7 @@ inline constexpr double least_mass = 1e-24; // square metres
 /// The mixture of a single Gaussian. An invisible one has a tiny mass above 0, so that every mixture has a mean.
 [[nodiscard]] inline GaussianMixture mixture_of(const PlainGaussian& gaussian) {
     const vec3<double> scale = glm::exp(gaussian.log_scale);
-    const double covered =
-        std::max(sigmoid(gaussian.opacity_logit) * detail::covered_area(scale), detail::least_mass);
+    const double covered = std::max(sigmoid(gaussian.opacity_logit) * detail::covered_area(scale), detail::least_mass);
     return {covered, covered, gaussian.mean, covariance(gaussian.q, gaussian.log_scale)};
 }
 
@@ -135,8 +134,8 @@ inline constexpr double least_mass = 1e-24; // square metres
     return both;
 }
 
-/// The Gaussian with the moments of a mixture, and with the opacity c / A that covers as much. Opacities end at 0.99, as
-/// in the rasterizer. A mixture that covers more gets a larger area instead, at most twice that of its moments.
+/// The Gaussian with the moments of a mixture, and with the opacity c / A that covers as much. Opacities end at 0.99,
+/// as in the rasterizer. A mixture that covers more gets a larger area instead, at most twice that of its moments.
 [[nodiscard]] inline PlainGaussian gaussian_of(const GaussianMixture& mixture) {
     constexpr double most = 0.99, least = 1e-6, shortest_length = 1e-6; // metres
     PrincipalAxes<double> axes = detail::axes_of_covariance(mixture.covariance);
@@ -148,8 +147,7 @@ inline constexpr double least_mass = 1e-24; // square metres
         for (int k = 0; k < 3; ++k)
             if (k != normal) axes.lengths[k] *= grown;
     }
-    return {mixture.mean, quat_from_rotation(axes.R), glm::log(axes.lengths),
-            logit(std::clamp(opacity, least, most))};
+    return {mixture.mean, quat_from_rotation(axes.R), glm::log(axes.lengths), logit(std::clamp(opacity, least, most))};
 }
 
 } // namespace gsh
