@@ -162,6 +162,11 @@ TEST_CASE("scenes are converted, in the frame of their format") {
     check_done(s.make(s.scene, "few.ply", {"--largest", "100", "--sh", "1"}));
     CHECK(load_any_splats(s.folder / "few.ply").cloud.size() == 100);
     CHECK(load_any_splats(s.folder / "few.ply").cloud.sh_degree == 1);
+    check_done(s.make(s.scene, "merged.ply", {"--gaussians", "100"}));
+    CHECK(load_any_splats(s.folder / "merged.ply").cloud.size() == 100);
+    check_done(s.make(s.avatar, "merged.gsh", {"--gaussians", "120"}));
+    check_done(s.make(s.folder / "merged.gsh", "all.ply"));
+    CHECK(load_any_splats(s.folder / "all.ply").cloud.size() == 120);
 }
 
 namespace {
@@ -355,6 +360,8 @@ TEST_CASE("options that do not fit are refused with one line") {
     refuse(s.avatar, "x.spz", {"--spz", "2"}, {"--spz"});
     refuse(s.avatar, "x.ply", {"--sh", "4"}, {"--sh"});
     refuse(s.avatar, "x.ply", {"--largest", "0"}, {"--largest"});
+    refuse(s.avatar, "x.ply", {"--gaussians", "0"}, {"--gaussians"});
+    refuse(s.avatar, "x.ply", {"--gaussians", "9", "--largest", "9"}, {"--gaussians", "--largest"});
     refuse(s.avatar, "x.glb", {"--clusters", "9"}, {"--clusters", "--frames"});
     refuse(s.avatar, "x.ply", {"--mesh"}, {"--mesh", ".glb"});
     refuse(s.avatar, "x.gsh", {"--poses", dance}, {"no pose"});

@@ -132,9 +132,9 @@ template <HostExecutor E>
 /// - numbers of the occlusion field: sums of the first layer, in which the mean is that of the encoding;
 /// - skinning weights. Of these, the largest stay, as many as the avatar has for a Gaussian, and sum to 1 again.
 ///
-/// It is attached to the triangle of its lead, whose shape, expression and normal it follows. A level can be made of any
-/// finer one. Colours are averaged before they are clamped, and apart from ambient occlusion and light. What is shown is
-/// therefore the mean of the members only as far as these are alike.
+/// It is attached to the triangle of its lead, whose shape, expression and normal it follows. A level can be made of
+/// any finer one. Colours are averaged before they are clamped, and apart from ambient occlusion and light. What is
+/// shown is therefore the mean of the members only as far as these are alike.
 ///
 /// Errors  ShapeError if rig, Gaussians and their attributes differ in number; those of gaussian_groups.
 template <HostExecutor E>
