@@ -136,9 +136,19 @@ TEST_CASE("wrong arguments are refused") {
     CHECK_THROWS_AS((void)gaussian_groups(serial, cloud, 2, {.share = 0}), ValueError);
     CHECK_THROWS_AS((void)gaussian_groups(serial, cloud, 2, {.length = 0}), ValueError);
     CHECK_THROWS_AS((void)gaussian_groups(serial, cloud, 2, {.thickness = -1}), ValueError);
-    cloud.means[3].y = std::numeric_limits<float>::quiet_NaN();
-    CHECK_THROWS_WITH_AS((void)gaussian_groups(serial, cloud, 2),
-                         "gaussian_groups: the mean of Gaussian 3 is not finite", ValueError);
+    const auto refused = [&](const auto& change) {
+        GaussianCloud<float> wrong = cloud;
+        change(wrong);
+        CHECK_THROWS_WITH_AS((void)gaussian_groups(serial, wrong, 2),
+                             "gaussian_groups: Gaussian 3 has a number that is not finite, or no direction",
+                             ValueError);
+    };
+    constexpr float none = std::numeric_limits<float>::quiet_NaN();
+    refused([](GaussianCloud<float>& wrong) { wrong.means[3].y = none; });
+    refused([](GaussianCloud<float>& wrong) { wrong.log_scales[3].x = none; });
+    refused([](GaussianCloud<float>& wrong) { wrong.opacity_logits[3] = none; });
+    refused([](GaussianCloud<float>& wrong) { wrong.sh[4 * 3].x = none; });
+    refused([](GaussianCloud<float>& wrong) { wrong.quats[3] = {0, 0, 0, 0}; });
     cloud.opacity_logits.pop_back();
     CHECK_THROWS_AS((void)gaussian_groups(serial, cloud, 2), ShapeError);
 }

@@ -72,6 +72,11 @@ public:
             const CovarianceFactor<double> factor(gaussian.q, gaussian.log_scale);
             looks_[i] = {factor.R[shortest_of(factor.scale)],
                          vec3<double>(unclamped_color<0>(cloud.sh.data() + i * basis, vec3<float>(0, 0, 1)))};
+            const Look& look = looks_[i];
+            const double sum = dot(gaussian.mean, gaussian.mean) + groups_.masses[i] + dot(look.normal, look.normal) +
+                               dot(look.color, look.color);
+            check_value(std::isfinite(sum), "gaussian_groups",
+                        "Gaussian " + std::to_string(i) + " has a number that is not finite, or no direction");
         }
     }
 
@@ -207,7 +212,7 @@ private:
 /// rounds. The result is the same on any number of threads.
 ///
 /// Errors  ShapeError for a cloud with arrays of different sizes; ValueError for a count of 0, for parameters that are
-///         not positive, and for a mean that is not finite.
+///         not positive, and for a Gaussian with a number that is not finite.
 /// Source  Ward, "Hierarchical Grouping to Optimize an Objective Function", 1963.
 template <HostExecutor E, class Apart>
 [[nodiscard]] GaussianGroups gaussian_groups(E& executor, const GaussianCloud<float>& cloud, std::size_t count,
@@ -217,11 +222,6 @@ template <HostExecutor E, class Apart>
     check_value(count > 0, where, "count is 0, expected at least 1");
     check_value(params.neighbours > 0 && params.share > 0 && params.length > 0 && params.thickness > 0, where,
                 "neighbours, share, length and thickness must be positive");
-    for (std::size_t i = 0; i < cloud.size(); ++i) {
-        const vec3<float>& mean = cloud.means[i];
-        check_value(std::isfinite(mean.x) && std::isfinite(mean.y) && std::isfinite(mean.z), where,
-                    "the mean of Gaussian " + std::to_string(i) + " is not finite");
-    }
     return detail::GroupMerger<E, Apart>(executor, cloud, params, apart).merge(count);
 }
 template <HostExecutor E>
