@@ -88,8 +88,7 @@ ReconstructionInput load_input(cpu::Threads& backend, const ReconstructOptions& 
 }
 
 Recipe recipe_of(const ReconstructOptions& o, Configuration configuration) {
-    // The actor is filmed by few cameras, and a demo is short.
-    const std::uint64_t usual = o.synthetic ? configuration.usual_steps() * 2 / 5 : configuration.usual_steps();
+    const std::uint64_t usual = o.synthetic ? 1000 : configuration.usual_steps(); // a demo is short
     return {.configuration = std::move(configuration),
             .steps = o.steps == 0 ? usual : o.steps,
             .seconds = o.seconds,
