@@ -48,8 +48,8 @@ struct RoughTurn {
                                           std::vector<std::vector<ViewKeypoints>> keypoints = {},
                                           bool focal = false, RegistrationParams params = {}) const {
         params.focal = focal;
-        params.levels = {{.pixels = 40, .visits = 40}, {.pixels = 80, .visits = 30, .rate = 0.6, .fingers = 1}};
-        params.gaussians = 4000;
+        params.levels = {{.pixels = 40, .gaussians = 1000, .visits = 40},
+                         {.pixels = 80, .gaussians = 2000, .visits = 30, .rate = 0.6, .fingers = 1}};
         const RegisteredPerson person{&body, &estimate, std::move(keypoints)};
         return register_motions(on, Span<const RegisteredPerson>(&person, 1), Span<const Photo>(used), 7, params);
     }
@@ -109,8 +109,8 @@ TEST_CASE("Fine registration brings poses nearer that are near already, and keep
     near.betas.assign(static_cast<std::size_t>(scene.body.shape_count), 0.1);
     RegistrationParams params = fine_registration();
     REQUIRE(params.levels.size() == 2);
-    for (RegistrationLevel& level : params.levels) level.visits = 20, level.pixels = std::min(level.pixels, 160);
-    params.gaussians = 4000;
+    for (RegistrationLevel& level : params.levels)
+        level.visits = 20, level.pixels = std::min(level.pixels, 160), level.gaussians = 2000;
     const RegisteredPerson person{&scene.body, &near, {}};
     const Registration found = register_motions(scene.backend, Span<const RegisteredPerson>(&person, 1),
                                                 Span<const Photo>(scene.photos), 7, params);

@@ -44,9 +44,11 @@ namespace gsh {
 
 /// One size of the photographs.
 struct RegistrationLevel {
-    int pixels = 68;      ///< about the longer side of the reduced photographs
-    double visits = 40;   ///< steps for each photographed frame
-    double rate = 1;      ///< factor on all rates
+    int pixels = 68;                ///< about the longer side of the reduced photographs
+    std::size_t gaussians = 10'000; ///< of each person: a coarse photograph shows as much with fewer, in less time
+    double width = 0.7;             ///< factor on initial scales: Gaussians that cover the surface widen its outline
+    double visits = 40;             ///< steps for each photographed frame
+    double rate = 1;                ///< factor on all rates
     double fingers = 0;   ///< factor on the rate of fingers, jaw and eyes, which coarse photographs do not show
     double keypoints = 1; ///< factor on the weight of keypoints: a detector errs by more than a fine photograph shows
 };
@@ -71,12 +73,11 @@ struct RegistrationLevel {
 /// Settings of a registration.
 struct RegistrationParams {
     std::vector<RegistrationLevel> levels{
-        {.pixels = 45, .visits = 40},
-        {.pixels = 68, .visits = 40, .rate = 0.7, .fingers = 0.5},
-        {.pixels = 135, .visits = 30, .rate = 0.5, .fingers = 1, .keypoints = 0.3},
-        {.pixels = 270, .visits = 30, .rate = 0.35, .fingers = 1, .keypoints = 0.1},
+        {.pixels = 45, .gaussians = 3'000, .visits = 40},
+        {.pixels = 68, .gaussians = 5'000, .visits = 40, .rate = 0.7, .fingers = 0.5},
+        {.pixels = 135, .gaussians = 7'000, .width = 0.6, .visits = 30, .rate = 0.5, .fingers = 1, .keypoints = 0.3},
+        {.pixels = 270, .gaussians = 10'000, .width = 0.5, .visits = 30, .rate = 0.35, .fingers = 1, .keypoints = 0.1},
     };
-    std::size_t gaussians = 20'000; ///< of each person
     RefinementParams refinement = registration_terms();
     PhotoGainParams gain{.rate = 0.03};
     bool focal = false; ///< whether the focal length learns, if all photographs are of one camera
@@ -194,8 +195,8 @@ void register_level(B& backend, H& host, Span<const RegisteredPerson> people, Le
     for (std::size_t p = 0; p < people.size(); ++p) {
         const Motion& motion = result.motions[p];
         CanonicalSetup made =
-            make_canonical_setup(host, *people[p].body, motion, config, params.gaussians, random_bits(seed, p));
-        for (double& scale : made.samples.scales) scale *= 0.7; // wider ones reach beyond the body's outline
+            make_canonical_setup(host, *people[p].body, motion, config, level.gaussians, random_bits(seed, p));
+        for (double& scale : made.samples.scales) scale *= level.width;
         models.push_back(
             make_avatar<B>(backend, made.rig, made.samples, motion.frame_count(), seed, config.avatar, made.priors));
         terms.joint_rates = joint_rates(made.rig.joint_count(), level.fingers, level.fingers);

@@ -80,8 +80,7 @@ TEST_CASE("poses are registered on the device: keypoints and photographs bring t
     for (std::size_t t = 0; t < PosedScene::frames; ++t)
         for (const Photo& photo : scene.observe(t)) photos.push_back(photo);
     RegistrationParams params;
-    params.levels = {{.pixels = 24, .visits = 24}};
-    params.gaussians = 300;
+    params.levels = {{.pixels = 24, .gaussians = 300, .visits = 24}};
     Device device;
     cpu::Serial host;
     const RegisteredPerson person{&scene.body, &estimate, {}};
