@@ -73,9 +73,9 @@ struct RegistrationLevel {
 /// Settings of a registration.
 struct RegistrationParams {
     std::vector<RegistrationLevel> levels{
-        {.pixels = 45, .gaussians = 3'000, .visits = 40},
-        {.pixels = 68, .gaussians = 5'000, .visits = 40, .rate = 0.7, .fingers = 0.5},
-        {.pixels = 135, .gaussians = 7'000, .width = 0.6, .visits = 30, .rate = 0.5, .fingers = 1, .keypoints = 0.3},
+        {.pixels = 45, .gaussians = 3'000, .visits = 30},
+        {.pixels = 68, .gaussians = 5'000, .visits = 30, .rate = 0.7, .fingers = 0.5},
+        {.pixels = 135, .gaussians = 7'000, .width = 0.6, .visits = 36, .rate = 0.5, .fingers = 1, .keypoints = 0.3},
         {.pixels = 270, .gaussians = 10'000, .width = 0.5, .visits = 30, .rate = 0.35, .fingers = 1, .keypoints = 0.1},
     };
     RefinementParams refinement = registration_terms();
@@ -123,7 +123,8 @@ struct Registration {
 namespace detail {
 
 /// Gaussians on the body's surface with a colour, a size and an opacity each. No joint learns, and Gaussians leave the
-/// surface at a tenth of an avatar's rate: fast enough for clothes, too slowly to take the place of a pose.
+/// surface at a tenth of an avatar's rate: fast enough for clothes, too slowly to take the place of a pose. Colours do
+/// not depend on the direction, since they would explain wrong poses.
 [[nodiscard]] inline Configuration registration_configuration() {
     Configuration config = named_configuration("no-ao");
     config.depth_prior = config.normal_prior = false;
@@ -132,7 +133,7 @@ namespace detail {
     config.avatar.appearance.stored_displacement_rate = 3e-5;
     config.avatar.appearance.stored_sh_rate = 0.02;
     config.avatar.model = AvatarModelParams{.initial_opacity = 0.6,
-                                            .sh_start = 0.3, // as in `light`, which has gains, too
+                                            .sh_start = 1,
                                             .joint_rate = 0,
                                             .quat_rate = 0,
                                             .log_scale_rate = 3e-3,
