@@ -48,8 +48,8 @@ struct RoughTurn {
                                           std::vector<std::vector<ViewKeypoints>> keypoints = {},
                                           bool focal = false, RegistrationParams params = {}) const {
         params.focal = focal;
-        params.levels = {{.pixels = 40, .gaussians = 1000, .visits = 40},
-                         {.pixels = 80, .gaussians = 2000, .visits = 30, .rate = 0.6, .fingers = 1}};
+        params.levels = {{.pixels = 40, .gaussians = 1500, .visits = 40},
+                         {.pixels = 80, .gaussians = 3000, .visits = 30, .rate = 0.6, .fingers = 1}};
         const RegisteredPerson person{&body, &estimate, std::move(keypoints)};
         return register_motions(on, Span<const RegisteredPerson>(&person, 1), Span<const Photo>(used), 7, params);
     }

@@ -44,11 +44,11 @@ namespace gsh {
 
 /// One size of the photographs.
 struct RegistrationLevel {
-    int pixels = 68;                ///< about the longer side of the reduced photographs
-    std::size_t gaussians = 10'000; ///< of each person: a coarse photograph shows as much with fewer, in less time
-    double width = 0.7;             ///< factor on initial scales: Gaussians that cover the surface widen its outline
-    double visits = 40;             ///< steps for each photographed frame
-    double rate = 1;                ///< factor on all rates
+    int pixels = 68;               ///< about the longer side of the reduced photographs
+    std::size_t gaussians = 5'000; ///< of each person: a coarse photograph shows as much with fewer, in less time
+    double width = 0.7;            ///< factor on initial scales: Gaussians that cover the surface widen its outline
+    double visits = 40;            ///< steps for each photographed frame
+    double rate = 1;               ///< factor on all rates
     double fingers = 0;   ///< factor on the rate of fingers, jaw and eyes, which coarse photographs do not show
     double keypoints = 1; ///< factor on the weight of keypoints: a detector errs by more than a fine photograph shows
 };
@@ -75,8 +75,8 @@ struct RegistrationParams {
     std::vector<RegistrationLevel> levels{
         {.pixels = 45, .gaussians = 3'000, .visits = 30},
         {.pixels = 68, .gaussians = 5'000, .visits = 30, .rate = 0.7, .fingers = 0.5},
-        {.pixels = 135, .gaussians = 7'000, .width = 0.6, .visits = 36, .rate = 0.5, .fingers = 1, .keypoints = 0.3},
-        {.pixels = 270, .gaussians = 10'000, .width = 0.5, .visits = 30, .rate = 0.35, .fingers = 1, .keypoints = 0.1},
+        {.pixels = 135, .gaussians = 7'000, .width = 0.6, .visits = 45, .rate = 0.5, .fingers = 1, .keypoints = 0.3},
+        {.pixels = 270, .gaussians = 8'000, .width = 0.5, .visits = 45, .rate = 0.35, .fingers = 1, .keypoints = 0.1},
     };
     RefinementParams refinement = registration_terms();
     PhotoGainParams gain{.rate = 0.03};
@@ -124,7 +124,7 @@ namespace detail {
 
 /// Gaussians on the body's surface with a colour, a size and an opacity each. No joint learns, and Gaussians leave the
 /// surface at a tenth of an avatar's rate: fast enough for clothes, too slowly to take the place of a pose. Colours do
-/// not depend on the direction, since they would explain wrong poses.
+/// not depend on the direction: that would explain the photographs better with poses that are no nearer.
 [[nodiscard]] inline Configuration registration_configuration() {
     Configuration config = named_configuration("no-ao");
     config.depth_prior = config.normal_prior = false;
