@@ -75,8 +75,8 @@ struct RegistrationParams {
     std::vector<RegistrationLevel> levels{
         {.pixels = 45, .gaussians = 3'000, .visits = 30},
         {.pixels = 68, .gaussians = 5'000, .visits = 30, .rate = 0.7, .fingers = 0.5},
-        {.pixels = 135, .gaussians = 7'000, .width = 0.6, .visits = 45, .rate = 0.5, .fingers = 1, .keypoints = 0.3},
-        {.pixels = 270, .gaussians = 8'000, .width = 0.5, .visits = 45, .rate = 0.35, .fingers = 1, .keypoints = 0.1},
+        {.pixels = 135, .gaussians = 8'000, .width = 0.6, .visits = 60, .rate = 0.5, .fingers = 1, .keypoints = 0.3},
+        {.pixels = 270, .gaussians = 10'000, .width = 0.5, .visits = 60, .rate = 0.35, .fingers = 1, .keypoints = 0.1},
     };
     RefinementParams refinement = registration_terms();
     PhotoGainParams gain{.rate = 0.03};
