@@ -141,7 +141,10 @@ ExportResult write_mesh(Exported& exported, const ExportOptions& o) {
 
 ExportResult write_compact(const Exported& exported, const ExportOptions& o) {
     AvatarData avatar = avatar_of_file(o.input); // with the light as trained, not as moved to a motion
-    if (o.largest || o.gaussians) avatar = exported.avatar(), avatar.light = avatar_of_file(o.input).light;
+    if (o.largest || o.gaussians) {
+        auto light = std::move(avatar.light);
+        avatar = exported.avatar(), avatar.light = std::move(light);
+    }
     avatar.gaussians = with_bands_up_to(std::move(avatar.gaussians), o.sh_degree.value_or(4));
     if (interrupted) return {};
     save_avatar(o.to, avatar, ArrayStorage::compact);

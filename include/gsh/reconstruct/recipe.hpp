@@ -13,7 +13,7 @@ namespace gsh {
 /// Everything about a reconstruction except its input. The defaults are those of gsh-reconstruct.
 struct Recipe {
     Configuration configuration = named_configuration(default_configuration);
-    std::uint64_t steps = 0; ///< of training; rates fall over them; 0: Configuration::usual_steps
+    std::uint64_t steps = 0;        ///< of training; rates fall over them; 0: Configuration::usual_steps
     double seconds = 0;             ///< of training, instead of steps; 0: use steps
     std::size_t gaussians = 170000; ///< of each person
     std::uint64_t seed = 0;         ///< of all random choices
