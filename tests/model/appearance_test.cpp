@@ -45,6 +45,8 @@ void check_same_appearance(const AppearanceParams& params) {
     probe.backward(), probe_any.backward();
     CHECK(probe_any.outputs() == probe.outputs());
     CHECK(test::learned_gradients(any) == test::learned_gradients(policy));
+    any.release_memory();
+    CHECK(probe_any.kept() == probe.kept());
     const AnyColors moved = std::move(any); // arrays still refer to the same memory
     CHECK(moved.lookups() == policy.lookups());
     CHECK(found[0].values[0] == expected[0].values[0]);

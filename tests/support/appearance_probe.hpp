@@ -44,6 +44,10 @@ public:
     /// Colours, then displacements, of a forward pass.
     std::vector<double> outputs() {
         appearance_->forward(frame_);
+        return kept();
+    }
+    /// Those of the last forward pass.
+    std::vector<double> kept() const {
         const AppearanceView<double> view = appearance_->view();
         std::vector<double> all;
         const auto add = [&](const vec3<double>& v) { all.insert(all.end(), {v.x, v.y, v.z}); };
@@ -78,8 +82,8 @@ private:
     std::vector<vec3<double>> sh_, displacements_; // [N, basis], [N]
 };
 
-/// Checks an appearance's adjoint against central differences, that it adds, and that both passes on threads are
-/// bit-identical. Policy<B> is the appearance on backend B, made of (backend, points, params).
+/// Checks an appearance's adjoint against central differences, that it adds, that released memory changes nothing, and
+/// that both passes on threads are bit-identical. Policy<B> is the appearance on backend B, made of (backend, points, params).
 template <template <class> class Policy>
 void check_appearance(const AppearanceParams& params, std::size_t frame = 0) {
     cpu::Serial serial;
@@ -92,6 +96,16 @@ void check_appearance(const AppearanceParams& params, std::size_t frame = 0) {
     const auto once = learned_gradients(appearance), outputs = probe.outputs();
     probe.backward();
     check_doubled(once, learned_gradients(appearance));
+
+    appearance.release_memory();
+    CHECK(probe.kept() == outputs);
+    Policy<cpu::Serial> again(serial, points, params);
+    randomize(again);
+    AppearanceProbe probe_again(again, points->size(), frame);
+    probe_again.outputs();
+    again.release_memory();
+    probe_again.backward();
+    CHECK(learned_gradients(again) == once);
 
     for (const std::size_t count : {1, 3}) {
         cpu::Threads threads(count);

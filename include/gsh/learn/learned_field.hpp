@@ -86,6 +86,8 @@ public:
     [[nodiscard]] Span<const T> weights() const { return network_.values(); }
     /// What forward stores for backward.
     [[nodiscard]] Cache& cache() { return cache_; }
+    /// Frees it. The next forward allocates it again.
+    void release_memory() { cache_ = {}; }
 
     /// Sets the last layer's weights to zero, so that the field starts as the constant 0.
     void silence_outputs() {

@@ -45,7 +45,8 @@ struct ColorGradient {
 ///                                 displacements, too; adds to the gradients of learned()
 ///     reads_time()                whether forward depends on the frame
 ///
-/// An appearance may also have lookups(), the number of table rows that forward reads, for reports.
+/// An appearance may also have lookups(), the number of table rows that forward reads, for reports, and
+/// release_memory(), which frees what passes keep for the next one, but for the results of forward.
 template <class A, class T>
 concept AppearancePolicy = requires(A& appearance, const A& constant, std::size_t frame, Span<vec3<T>> dL_dmeans) {
     requires std::same_as<std::remove_cvref_t<decltype(A::sh_degree)>, int>;
@@ -62,6 +63,12 @@ template <class A>
 [[nodiscard]] std::size_t lookups_of(const A& appearance) {
     if constexpr (requires { appearance.lookups(); }) return appearance.lookups();
     else return 0;
+}
+
+/// Frees what the passes of an appearance keep, where it can.
+template <class A>
+void release_memory_of(A& appearance) {
+    if constexpr (requires { appearance.release_memory(); }) appearance.release_memory();
 }
 
 /// Any appearance of one degree, chosen at run time. Each pass costs a virtual call.
@@ -83,6 +90,7 @@ public:
     [[nodiscard]] LearnedArrays<T> learned() { return self_->learned(); }
     [[nodiscard]] bool reads_time() const { return self_->reads_time(); }
     [[nodiscard]] std::size_t lookups() const { return self_->lookups(); }
+    void release_memory() { self_->release_memory(); }
 
 private:
     struct Interface {
@@ -94,6 +102,7 @@ private:
         [[nodiscard]] virtual LearnedArrays<T> learned() = 0;
         [[nodiscard]] virtual bool reads_time() const = 0;
         [[nodiscard]] virtual std::size_t lookups() const = 0;
+        virtual void release_memory() = 0;
     };
     template <class A>
     struct Model final : Interface {
@@ -106,6 +115,7 @@ private:
         [[nodiscard]] LearnedArrays<T> learned() override { return policy.learned(); }
         [[nodiscard]] bool reads_time() const override { return policy.reads_time(); }
         [[nodiscard]] std::size_t lookups() const override { return lookups_of(policy); }
+        void release_memory() override { release_memory_of(policy); }
     };
     std::unique_ptr<Interface> self_;
 };

@@ -137,6 +137,12 @@ public:
     void fill(const PointFill<T>& fill) { filled_.emplace(*backend_, size(), sh_basis_count(sh_degree), fill); }
     void end_fill() { filled_.reset(); }
 
+    /// Frees what frames and passes keep for the next one, but for the results of update_canonical.
+    void release_memory() {
+        release_memory_of(appearance_);
+        cache_ = {};
+    }
+
     /// Brings the model to a pose. caster() and write_splats() are for this pose then.
     void move(const RigPose<B, T>& pose) { pass_.move(pose, joints(), cache_); }
 

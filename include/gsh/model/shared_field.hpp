@@ -74,6 +74,10 @@ public:
     }
     [[nodiscard]] bool reads_time() const { return codes_.size() != 0; }
     [[nodiscard]] std::size_t lookups() const { return query_.lookups(); }
+    void release_memory() {
+        field_.release_memory();
+        dL_doutputs_ = {};
+    }
 
 private:
     static constexpr std::size_t stride = basis_count + 1; // vectors in a row of outputs

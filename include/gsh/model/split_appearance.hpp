@@ -53,6 +53,10 @@ public:
         field_.backward(query, view_as<T>(Span<vec3<T>>(dL_dsh_)), inputs);
     }
     [[nodiscard]] LearnedArrays<T> learned(const typename Field::Query& query) { return field_.learned(query, rate_); }
+    void release_memory() {
+        field_.release_memory();
+        dL_dsh_ = {};
+    }
 
 private:
     [[nodiscard]] static typename Field::Params params_of_field(const AppearanceParams& params,
@@ -94,6 +98,7 @@ public:
         arrays[0].other = {LearnedArray<T>::OtherRate::Where::columns, 3 * stride, 3, band_rate_};
         return arrays;
     }
+    void release_memory() {}
 
 private:
     double rate_, band_rate_;
@@ -123,6 +128,7 @@ public:
         field_.backward(query, view_as<T>(dL_dmeans), inputs);
     }
     [[nodiscard]] LearnedArrays<T> learned(const typename Field::Query& query) { return field_.learned(query, rate_); }
+    void release_memory() { field_.release_memory(); }
 
 private:
     [[nodiscard]] static typename Field::Params params_of_field(const AppearanceParams& params,
@@ -159,6 +165,7 @@ public:
     [[nodiscard]] LearnedArrays<T> learned(const typename Field::Query&) {
         return {displacements_.announce("displacements", rate_)};
     }
+    void release_memory() {}
 
 private:
     B* backend_;
@@ -174,12 +181,12 @@ public:
 
     SplitAppearance(B& backend, SharedPoints<B, T> points, const AppearanceParams& params = {})
         : points_(std::move(points)), codes_(backend, params.time_frames),
-          query_(detail::appearance_query<typename Colors::Field>(backend, *points_, params)),
+          query_(reads_points ? detail::appearance_query<typename Colors::Field>(backend, *points_, params) : Query()),
           colors_(backend, *points_, params), displacements_(backend, *points_, params) {}
     [[nodiscard]] static PartSize size(const AppearanceParams& params, const PriorInputs& inputs) {
         PartSize both = Colors::size(params, inputs);
         append(both, Displacements::size(params, inputs));
-        both.queries = 1;
+        both.queries = reads_points ? 1 : 0;
         return both;
     }
 
@@ -202,13 +209,20 @@ public:
     [[nodiscard]] std::size_t lookups() const {
         return query_.lookups() * (std::size_t(Colors::is_field) + std::size_t(Displacements::is_field));
     }
+    void release_memory() {
+        colors_.release_memory();
+        displacements_.release_memory();
+    }
 
 private:
+    using Query = typename Colors::Field::Query;
+    static constexpr bool reads_points = Colors::is_field || Displacements::is_field;
+
     [[nodiscard]] FieldInputs<T> inputs(std::size_t frame) const { return {points_->features(), codes_[frame]}; }
 
     SharedPoints<B, T> points_;
     FrameCodes<B, T> codes_;
-    typename Colors::Field::Query query_;
+    Query query_; // empty where no field reads it
     Colors colors_;
     Displacements displacements_;
 };

@@ -229,10 +229,12 @@ private:
         return stage_.stride == 1 ? all : part.emplace(thinned(all, stage_.stride));
     }
     /// Replaces the models by those of another stage; begin(person, present, made) lets each new one begin with what
-    /// the present one has learned. The trainer has released its memory, or has taken no step.
+    /// the present one has learned. The trainer has released its memory, or has taken no step. The present model has
+    /// then released its own, too, because for a while both exist.
     template <class Begin>
     void replace_models(const TrainingStage& next, const Begin& begin) {
         for (std::size_t p = 0; p < people_.size(); ++p) {
+            people_[p].model.release_memory();
             Model made = make_model(p, next);
             begin(setup.people[p], people_[p].model, made);
             people_[p].model = std::move(made);
@@ -251,17 +253,19 @@ private:
                     carry_over(*backend_, present.learned(), made.learned(),
                                PointParents(thinned(from.samples, stage_.stride), thinned(from.samples, next.stride)));
                 });
-        if (next.stored && !stage_.stored)
+        if (next.stored && !stage_.stored) {
+            for (Person& person : people_) person.model.update_canonical();
             replace_models(next, [&](const ReconstructionSetup::Person&, Model& present, Model& made) {
                 carry_over(*backend_, present.learned(), made.learned());
-                present.update_canonical();
                 store_appearance(*backend_, present.appearance().view(),
                                  present.is_view_dependent() ? sh_basis_count(Model::sh_degree) : 1, made.learned());
             });
+        }
     }
-    /// Priors are large, and only the models of later stages read them.
+    /// Priors are large, and only fields of later stages read them. Those stages have more points.
     void drop_priors() {
-        if (stage_ == stage_at(1)) priors_.clear();
+        if (!stage_.stored && stage_.stride != stage_at(1).stride) return;
+        for (CanonicalPriors& priors : priors_) priors = {.region = {}, .features = {}, .whole = priors.whole};
     }
     /// The stage of a checkpoint, to which this training can go.
     [[nodiscard]] TrainingStage stage_of(const ArchiveReader& file) const {
@@ -299,7 +303,7 @@ private:
     std::unique_ptr<ReconstructionInput> input_; // plates and hidden pixels of the photographs are its own
     B* backend_;
     TrainingStage stage_;
-    PriorsOfPeople priors_;     // of all points; empty at the last stage
+    PriorsOfPeople priors_;     // of all points, as far as later stages read them
     SharedLight<B> light_;      // of all people, or null
     std::deque<Person> people_; // a deque: their addresses do not change
     Scene scene_;
