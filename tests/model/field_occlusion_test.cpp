@@ -3,6 +3,7 @@
 
 #include "support/occlusion_probe.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <vector>
@@ -24,6 +25,13 @@ static_assert(OcclusionPolicy<PosePolicy<cpu::Threads>, cpu::Threads, double>);
 template <class B>
 TimePolicy<B> time_occlusion(OcclusionTube<B>& scene) {
     return {scene.backend, scene.points, OcclusionTube<B>::frames, OcclusionTube<B>::params()};
+}
+/// The same, evaluated at every fourth point.
+template <class B>
+TimePolicy<B> interpolated_occlusion(OcclusionTube<B>& scene) {
+    FieldOcclusionParams params = OcclusionTube<B>::params();
+    params.most_points = static_cast<int>((scene.size() + 3) / 4);
+    return {scene.backend, scene.points, OcclusionTube<B>::frames, params};
 }
 template <class B>
 PosePolicy<B> pose_occlusion(OcclusionTube<B>& scene) {
@@ -82,6 +90,25 @@ TEST_CASE("ambient occlusion over the time has its gradient, and none with respe
     CHECK(!baked_field(occlusion));
     CHECK(scene.ao_of(occlusion, 1) != scene.ao_of(occlusion, 2));
     CHECK_THROWS_AS((void)scene.ao_of(occlusion, 5), ValueError);
+}
+
+TEST_CASE("ambient occlusion that is interpolated has its gradient, and keeps the values of a part of the points") {
+    check_occlusion([](auto& scene) { return interpolated_occlusion(scene); });
+    OcclusionTube<cpu::Serial> scene;
+    auto everywhere = time_occlusion(scene), interpolated = interpolated_occlusion(scene);
+    test::randomize(everywhere), test::randomize(interpolated);
+    const std::vector<double> expected = scene.ao_of(everywhere), found = scene.ao_of(interpolated);
+    double largest = 0;
+    for (std::size_t i = 0; i < found.size(); ++i) {
+        if (i % 4 == 0) CHECK(found[i] == doctest::Approx(expected[i]).epsilon(1e-12));
+        else largest = std::max(largest, std::abs(found[i] - expected[i]));
+    }
+    CHECK(largest > 1e-4); // the field varies between them
+    FieldOcclusionParams params = OcclusionTube<cpu::Serial>::params();
+    params.most_points = static_cast<int>(scene.size());
+    TimePolicy<cpu::Serial> all(scene.backend, scene.points, OcclusionTube<cpu::Serial>::frames, params);
+    test::randomize(all);
+    CHECK(scene.ao_of(all) == expected);
 }
 
 TEST_CASE("ambient occlusion over the pose has its gradient, with respect to the pose, too") {

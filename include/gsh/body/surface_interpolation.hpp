@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Barycentric interpolation of per-vertex vectors at points on the mesh, with adjoint.
+/// @file  Barycentric interpolation of per-vertex values at points on the mesh, with adjoint.
 #pragma once
 
 #include <gsh/backend/backend.hpp>
@@ -104,7 +104,7 @@ public:
     /// The three vertices and weights of each point, [N, 3], for kernels that interpolate more than one array.
     [[nodiscard]] Span<const detail::Contribution<T>> corners() const { return corners_; }
 
-    /// Adds to points. Values are vec3<T>, or vec2<T>.
+    /// Adds to points. Values are vec3<T>, vec2<T> or T.
     template <class Vector = vec3<T>>
     void forward(std::type_identity_t<Span<const Vector>> values, std::type_identity_t<Span<Vector>> points) const {
         check_size("SurfaceInterpolation::forward", "values", values.size(), vertex_count_, "store one per vertex");

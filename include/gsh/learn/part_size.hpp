@@ -26,11 +26,12 @@ struct LearnedSize {
 struct PartSize {
     std::vector<LearnedSize> learned;
     std::size_t other_per_point = 0; ///< numbers: activations and outputs, and their gradients
+    std::size_t other = 0;           ///< numbers that do not depend on the number of points
     std::size_t queries = 0;         ///< of hash grids (HashField::Query); fields may share one
 
     /// Numbers in memory. A learned number has a gradient and two moments.
     [[nodiscard]] std::size_t fixed() const {
-        std::size_t sum = 0;
+        std::size_t sum = other;
         for (const LearnedSize& array : learned) sum += 4 * array.fixed;
         return sum;
     }
@@ -45,6 +46,7 @@ struct PartSize {
 inline void append(PartSize& all, PartSize part) {
     for (LearnedSize& array : part.learned) all.learned.push_back(std::move(array));
     all.other_per_point += part.other_per_point;
+    all.other += part.other;
     all.queries += part.queries;
 }
 

@@ -4,6 +4,10 @@
 
 #include <gsh/avatar/occlusion_field.hpp>
 #include <gsh/backend/backend.hpp>
+#include <gsh/backend/memory.hpp>
+#include <gsh/body/surface_interpolation.hpp>
+#include <gsh/body/thinned_interpolation.hpp>
+#include <gsh/body/thinned_samples.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/core/setting.hpp>
 #include <gsh/core/span.hpp>
@@ -19,10 +23,12 @@
 #include <gsh/model/canonical_points.hpp>
 #include <gsh/model/occlusion.hpp>
 
+#include <algorithm>
 #include <concepts>
 #include <cstddef>
 #include <cstdint>
 #include <optional>
+#include <vector>
 
 namespace gsh {
 
@@ -34,6 +40,9 @@ struct FieldOcclusionParams {
     double largest = 2; ///< upper bound of ao; above 1, ao can also brighten the colours learned before it began
     double initial = 1; ///< ao of every Gaussian before the first step
     double rate = 5e-3; ///< of table and network
+    /// Of an occlusion over the time: the most points at which the field is evaluated. Of more Gaussians, each gets what
+    /// the nearest of an even part of them have. 0: all.
+    int most_points = 0;
     std::uint64_t seed = 0;
 
     template <class Self, class F>
@@ -43,6 +52,7 @@ struct FieldOcclusionParams {
         f("ao.table_size", self.grid.table_size, SettingRange::power_of_two());
         f("ao.initial", self.initial, SettingRange::above(0));
         f("ao.largest", self.largest, SettingRange::above(0));
+        f("ao.points", self.most_points, SettingRange::at_least(0));
         f("rate.ao", self.rate, SettingRange::at_least(0));
     }
 };
@@ -50,7 +60,8 @@ struct FieldOcclusionParams {
 namespace detail {
 
 /// ao = largest · sigmoid(field(x₀, code) + logit(initial / largest)). The code is the same for every point. The field
-/// starts at zero, so that ao is `initial` everywhere at first.
+/// starts at zero, so that ao is `initial` everywhere at first. With a stride above 1, it is evaluated at every
+/// stride-th point and interpolated at all.
 template <Backend B, std::floating_point T, int Levels, int Features>
 class FieldOcclusion {
 public:
@@ -58,30 +69,57 @@ public:
     using Grid = typename Field::Grid;
 
     FieldOcclusion(B& backend, const CanonicalPoints<B, T>& points, const FieldOcclusionParams& params,
-                   std::size_t code_size)
+                   std::size_t code_size, std::size_t stride = 1)
         : backend_(&backend), params_(params), field_(backend, params_of_field(params, code_size)) {
         check_value(params.initial > 0 && params.initial < params.largest, "FieldOcclusionParams",
                     "initial must lie between 0 and largest");
-        field_.field().prepare(backend, points.unit(), query_);
+        if (stride == 1) {
+            field_.field().prepare(backend, points.unit(), query_);
+        } else {
+            typename B::template Buffer<vec3<T>> part;
+            assign(backend, thinned_rows(downloaded(backend, points.unit()), 1, stride), part);
+            field_.field().prepare(backend, part, query_);
+            std::vector<vec3<double>> positions;
+            for (const vec3<T>& position : downloaded(backend, points.positions()))
+                positions.push_back(vec3<double>(position));
+            interpolation_.emplace(thinned_interpolation<B, T>(backend, positions, stride));
+            part_ao_.resize(part.size()), dL_dpart_ao_.resize(part.size());
+        }
         field_.silence_outputs();
     }
-    [[nodiscard]] static PartSize size(const FieldOcclusionParams& params, std::size_t code_size) {
+    /// The size of a field that is evaluated at `most_points` points, or at all if that is 0.
+    [[nodiscard]] static PartSize size(const FieldOcclusionParams& params, std::size_t code_size,
+                                       std::size_t most_points = 0) {
         PartSize size = Field::size(params_of_field(params, code_size));
         size.queries = 1;
+        if (most_points > 0) {
+            size.other = most_points * (size.other_per_point + 2);
+            size.other_per_point = 12; // six contributions of an index and a weight
+            size.queries = 0;
+        }
         return size;
     }
 
     void forward(Span<const T> code, Span<T> ao) {
-        field_.forward(query_, ao, {{}, code});
-        backend_->for_each(ao.size(), AoFromLogit<T>{ao, static_cast<T>(bias()), T(params_.largest)});
+        const Span<T> values = interpolation_ ? Span<T>(part_ao_) : ao;
+        field_.forward(query_, values, {{}, code});
+        backend_->for_each(values.size(), AoFromLogit<T>{values, static_cast<T>(bias()), T(params_.largest)});
+        if (!interpolation_) return;
+        backend_->fill(ao, T(0));
+        interpolation_->template forward<T>(part_ao_, ao);
     }
-    /// Adds to the gradients of table and network, and to dL_dcode unless it is empty. Overwrites dL_dao with the
-    /// gradient of the field's output.
+    /// Adds to the gradients of table and network, and to dL_dcode unless it is empty. Without a stride, overwrites
+    /// dL_dao with the gradient of the field's output.
     void backward(Span<const T> code, Span<const T> ao, Span<T> dL_dao, Span<T> dL_dcode) {
+        if (interpolation_) {
+            backend_->fill(Span<T>(dL_dpart_ao_), T(0));
+            interpolation_->template backward<T>(dL_dao, dL_dpart_ao_);
+            ao = Span<const T>(part_ao_), dL_dao = Span<T>(dL_dpart_ao_);
+        }
         logit_backward(ao, dL_dao);
         field_.backward(query_, dL_dao, {{}, code}, dL_dcode);
     }
-    /// The same for the code alone.
+    /// The same for the code alone. For a stride of 1.
     void backward_to_code(Span<const T> code, Span<const T> ao, Span<T> dL_dao, Span<T> dL_dcode) {
         const Span<const T> features(field_.cache().features);
         unused_.resize(field_.mlp().parameter_count());
@@ -93,7 +131,8 @@ public:
     }
     [[nodiscard]] LearnedArrays<T> learned() { return field_.learned(query_, params_.rate); }
 
-    /// The field as avatar files store it. Empty if the network is a single matrix, which cannot be baked.
+    /// The field as avatar files store it. Empty if the network is a single matrix, which cannot be baked. For a stride
+    /// of 1.
     [[nodiscard]] std::optional<OcclusionFieldData> baked() const {
         if constexpr (std::same_as<T, float>) {
             if (field_.mlp().params().hidden_layers < 1) return std::nullopt;
@@ -128,6 +167,8 @@ private:
     Field field_;
     typename Field::Query query_;
     typename B::template Buffer<T> unused_; // gradient of the network, not used
+    std::optional<SurfaceInterpolation<B, T>> interpolation_;  // with a stride above 1
+    typename B::template Buffer<T> part_ao_, dL_dpart_ao_; // [N / stride] of the last passes
 };
 
 } // namespace detail
@@ -141,13 +182,14 @@ class TimeOcclusion : public PlainOcclusion<B, T> {
 public:
     TimeOcclusion(B& backend, const CanonicalPoints<B, T>& points, std::size_t frame_count,
                   const FieldOcclusionParams& params = {})
-        : codes_(backend, frame_count), field_(backend, points, params, codes_.size()) {}
+        : codes_(backend, frame_count),
+          field_(backend, points, params, codes_.size(), stride_for(points.size(), most_points(params))) {}
     TimeOcclusion(B& backend, const CanonicalPoints<B, T>& points, const OcclusionSizes& sizes,
                   const FieldOcclusionParams& params)
         : TimeOcclusion(backend, points, sizes.frame_count, params) {}
     [[nodiscard]] static PartSize size(const FieldOcclusionParams& params, const OcclusionSizes& sizes) {
-        return detail::FieldOcclusion<B, T, Levels, Features>::size(params,
-                                                                    FrameCodes<B, T>::code_size(sizes.frame_count));
+        return detail::FieldOcclusion<B, T, Levels, Features>::size(
+            params, FrameCodes<B, T>::code_size(sizes.frame_count), most_points(params));
     }
 
     void forward(const OcclusionInput<B, T>& input, Span<T> ao) { field_.forward(codes_[input.frame], ao); }
@@ -157,6 +199,16 @@ public:
     [[nodiscard]] LearnedArrays<T> learned() { return field_.learned(); }
 
 private:
+    [[nodiscard]] static std::size_t most_points(const FieldOcclusionParams& params) {
+        return static_cast<std::size_t>(std::max(params.most_points, 0));
+    }
+    /// A power of two, so that stages of a training with more points and a larger stride use the same ones.
+    [[nodiscard]] static std::size_t stride_for(std::size_t points, std::size_t most) {
+        std::size_t stride = 1;
+        while (most > 0 && thinned_count(points, stride) > most) stride *= 2;
+        return stride;
+    }
+
     FrameCodes<B, T> codes_;
     detail::FieldOcclusion<B, T, Levels, Features> field_;
 };
