@@ -163,9 +163,13 @@ inline constexpr std::string_view default_configuration = "light";
     else if (name == "smpl-init") c.joints = JointSet::trunk_and_limbs, c.region_samples = false;
     else if (name == "pose-ao") c.avatar.ao = AmbientOcclusion::pose;
     else if (name == "light") {
-        c.avatar.ao = AmbientOcclusion::none;
         c.avatar.light = true;
         c.avatar.model.sh_start = 0.3; // when gains have been found
+        // What no light explains, such as folds of cloth; a small field, which leaves the rest to the light.
+        c.avatar.occlusion.width = 16;
+        c.avatar.occlusion.grid.table_size = 1u << 14;
+        c.avatar.occlusion.most_points = 8192;
+        c.avatar.model.occlusion_start = 0.3;
         c.train.gain.rate = 0.03;
         c.schedule = ScheduleParams{.stride = 2, .all_points = 0.1, .stored = 0.2};
         // A run has stages so that it can be short. In a tenth of the steps of 3DGS, each of them must lead further.
