@@ -39,6 +39,7 @@ TEST_CASE("a format is its kind, in a version that is read") {
     for (const char* damaged : {"avatar", "avatar ", "avatar x", "avatar 9 ", "avatar -9", "avatar 09", "avatar 9.5"})
         CHECK(refusal(damaged).ends_with(reads + "the file is damaged"));
     CHECK(refusal("avatar " + std::string(9999, '1')).size() < 200);
+    CHECK(refusal(std::string(9999, 'a') + " 2", "", 1, 1).size() < 250);
 }
 
 TEST_CASE("an object of JSON may state its format, which is left out") {

@@ -6,6 +6,7 @@
 #include <gsh/core/message.hpp>
 
 #include <algorithm>
+#include <cstddef>
 #include <string>
 #include <string_view>
 
@@ -22,10 +23,10 @@ inline void check_format(const std::string& file, const std::string& format, std
                          int oldest) {
     const std::size_t space = std::min(format.find(' '), format.size());
     const std::string found(format, 0, space), version(format, std::min(space + 1, format.size()));
-    const std::string expected_kind(kind.empty() ? std::string_view(found) : kind);
+    const std::string expected_kind = kind.empty() ? shortened(found) : std::string(kind);
     const auto named = [&](int number) { return "'" + expected_kind + " " + std::to_string(number) + "'"; };
     const std::string expected = (oldest < newest ? named(oldest) + " to " : "") + named(newest);
-    if (found != expected_kind)
+    if (!kind.empty() && found != kind)
         throw IoError(file + ": holds '" + shortened(format) + "', expected " + expected +
                       "; give the file of that kind");
     for (int read = oldest; read <= newest; ++read)
