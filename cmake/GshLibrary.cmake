@@ -38,9 +38,9 @@ function(gsh_add_component name)
   target_link_libraries(gsh_${name} INTERFACE gsh ${ARGN})
 endfunction()
 
-# A component exists if its libraries are found. They are required if gsh is the top-level project, optional if it is a
-# subproject.
-if(PROJECT_IS_TOP_LEVEL)
+# A component exists if its libraries are found.
+option(GSH_REQUIRE_COMPONENTS "Stop where a library of an opt-in component is missing" ${PROJECT_IS_TOP_LEVEL})
+if(GSH_REQUIRE_COMPONENTS)
   set(gsh_need REQUIRED)
 else()
   set(gsh_need QUIET)
@@ -62,7 +62,7 @@ if(libzip_FOUND AND ZLIB_FOUND AND zstd_FOUND AND stb_FOUND AND nlohmann_json_FO
     gsh_add_component(synthetic gsh_io embree)
   endif()
 endif()
-if(CUDAToolkit_FOUND)
+if(CUDAToolkit_FOUND OR GSH_INSTALL) # a package may be made where there is no CUDA
   gsh_add_component(cuda CUDA::cudart)
   # CMake 3.25 does not know that nvcc has C++20, so the feature cuda_std_20 would be an error.
   target_compile_options(gsh_cuda INTERFACE $<$<COMPILE_LANG_AND_ID:CUDA,NVIDIA>:-std=c++20>)

@@ -29,6 +29,9 @@ namespace gsh::programs {
 class Renderer;
 struct ShownPeople;
 
+/// Whether the program was built with CUDA.
+[[nodiscard]] bool has_cuda();
+
 /// Opens GPU `number`, counted from 0 as in CUDA_VISIBLE_DEVICES; `mixed`: fields compute in mixed precision.
 /// Errors  DeviceError: a program without CUDA, no driver, no such GPU, no code for its architecture.
 std::shared_ptr<cuda::Device> open_gpu(int number, bool mixed);

@@ -5,6 +5,10 @@
 
 namespace gsh::programs {
 
+bool has_cuda() {
+    return true;
+}
+
 std::shared_ptr<cuda::Device> open_gpu(int number, bool mixed) {
     const auto gpu = std::make_shared<cuda::Device>(number);
     gpu->set_precision(mixed ? Precision::mixed : Precision::fp32);

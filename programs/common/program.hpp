@@ -6,6 +6,7 @@
 #include "common/exit_codes.hpp"
 #include "common/interrupts.hpp"
 #include "common/messages.hpp"
+#include "common/version.hpp"
 
 #include <CLI/CLI.hpp>
 
@@ -41,11 +42,12 @@ int run_program(CLI::App& app, int argc, char** argv, const Work& work) {
     };
     return_freed_arrays();
     std::signal(SIGXFSZ, SIG_IGN); // a limit on file sizes then becomes an error of write, which has a message
+    app.set_version_flag("--version", version_line(app.get_name()), "print the version");
     try {
         app.parse(argc, argv);
         return work();
     } catch (const CLI::ParseError& error) {
-        if (error.get_exit_code() == 0) return app.exit(error); // --help
+        if (error.get_exit_code() == 0) return app.exit(error); // --help, --version
         return refuse(std::string(error.what()) + "; --help lists all options");
     } catch (const std::bad_alloc&) {
         return refuse("out of memory");

@@ -15,6 +15,9 @@ namespace {
 
 } // namespace
 
+bool has_cuda() {
+    return false;
+}
 std::shared_ptr<cuda::Device> open_gpu(int, bool) {
     refuse_cuda();
 }

@@ -80,7 +80,10 @@ gsh.npz = (() => {
     return whole;
   }
 
-  /** The array in the bytes of an .npy file: {type, shape, data}, without data unless its numbers can be read. */
+  /**
+   * The array in the bytes of an .npy file: {type, shape, data}, without data unless its numbers can be read. A single
+   * text has `text` instead, its first 64 characters.
+   */
   function parseNpy(bytes, key) {
     const view = new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength);
     if (view.getUint32(0) !== 0x934e554d) throw new Error(`${key} is not an .npy array`);
@@ -95,6 +98,11 @@ gsh.npz = (() => {
     const shape = shapeText[1].split(",").map((s) => s.trim()).filter((s) => s).map(Number);
     const inColumns = /'fortran_order':\s*True/.test(header) && shape.length > 1;
     const type = (descr ? descr[1] : "of a record") + (inColumns ? " in Fortran order" : ""), Kind = kinds[type];
+    const text = /^<U(\d+)$/.exec(type); // of code points in four bytes each, behind them zeros
+    if (text && shape.length < 2 && (shape[0] ?? 1) === 1 && bytes.length - begin === 4 * text[1]) {
+      const points = new Uint32Array(bytes.slice(begin).buffer).filter((point) => point > 0 && point < 0x110000);
+      return { type, shape, text: String.fromCodePoint(...points.slice(0, 64)) };
+    }
     if (!Kind) return { type, shape };
     const size = shape.reduce((a, b) => a * b, Kind.BYTES_PER_ELEMENT);
     if (!shape.every((n) => Number.isSafeInteger(n) && n >= 0) || size !== bytes.length - begin)

@@ -86,6 +86,8 @@ gsh.poseFile = (() => {
         fail(`${key} has shape ${shapeOf(array)}, expected (${frames || "*"}, ${width || "*"})`);
       return { data, width: found };
     };
+    const format = arrays.gsh_format?.text;
+    if (format && format !== "motion 1") fail(`holds '${format}', but this page reads 'motion 1'`);
     if (!arrays[parts[0][0]])
       fail(`has no ${parts[0][0]}; this page reads gsh's own poses, and gsh-motion converts others`);
     const flat = ["flat_hand", "flat_hand_mean"].find((key) => arrays[key]?.data);

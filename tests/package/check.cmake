@@ -1,31 +1,91 @@
-# cmake -D way=find_package|add_subdirectory|cuda -D source_dir=… -D build_dir=… -D generator=… -D compiler=…
-#       [-D nvcc=…] -P check.cmake
-# Builds and runs the project beside this file (for cuda, the one in cuda/), and checks that none of our own build
-# settings reached it.
+# cmake -D way=… -D source_dir=… -D build_dir=… -D generator=… -D compiler=… [-D nvcc=…] [-D eigen=…] -P check.cmake
+# Builds and runs a project as a user would. The ways are
+#   find_package, add_subdirectory            the project beside this file
+#   cuda, cuda_subdirectory                   the one in cuda/, which uses gsh::cuda
+#   fetch_content                             the one in small/, which CMake gives a clone of a git repository
+#   pkg_config                                its source, compiled without CMake
+#   one_header                                the one in one_header/, compiled with what scripts/amalgamate writes
+# and checks that none of our own build settings reached it.
 set(work ${build_dir}/package/${way})
 file(REMOVE_RECURSE ${work})
 file(MAKE_DIRECTORY ${work})
 
 function(run)
-  execute_process(COMMAND ${ARGN} RESULT_VARIABLE result OUTPUT_VARIABLE output ERROR_VARIABLE output)
+  execute_process(COMMAND ${ARGN} WORKING_DIRECTORY ${work}
+                  RESULT_VARIABLE result OUTPUT_VARIABLE output ERROR_VARIABLE error)
   if(NOT result EQUAL 0)
     list(JOIN ARGN " " command)
-    message(FATAL_ERROR "${command}\n${output}")
+    message(FATAL_ERROR "${command}\n${output}${error}")
   endif()
+  set(output "${output}" PARENT_SCOPE)
 endfunction()
+macro(install)
+  run(${CMAKE_COMMAND} --install ${build_dir} --prefix ${work}/prefix)
+endmacro()
+
+if(way STREQUAL "pkg_config")
+  install()
+  set(ENV{PKG_CONFIG_PATH} ${work}/prefix/share/pkgconfig)
+  foreach(module IN ITEMS gsh gsh-io gsh-check gsh-reconstruct gsh-synthetic)
+    run(pkg-config --print-errors --cflags --libs ${module})
+    string(STRIP "${output}" flags_of_${module})
+    run(pkg-config --modversion ${module})
+    string(STRIP "${output}" version)
+    list(APPEND versions ${version})
+  endforeach()
+  list(REMOVE_DUPLICATES versions)
+  list(LENGTH versions count)
+  if(NOT count EQUAL 1 OR flags_of_gsh MATCHES "-lzip" OR NOT flags_of_gsh-io MATCHES "-ltbb.*|-lzip.*")
+    message(FATAL_ERROR "versions ${versions}; gsh: ${flags_of_gsh}; gsh-io: ${flags_of_gsh-io}")
+  endif()
+  separate_arguments(flags UNIX_COMMAND "${flags_of_gsh-io}")
+  run(${compiler} -std=c++20 ${CMAKE_CURRENT_LIST_DIR}/small/main.cpp ${flags} -o consumer)
+  run(${work}/consumer)
+  string(FIND "${output}" "gsh ${version}:" position) # the headers' own version
+  if(NOT position EQUAL 0)
+    message(FATAL_ERROR "pkg-config's version is ${version}, the program prints ${output}")
+  endif()
+  return()
+endif()
+
+if(way STREQUAL "one_header")
+  run(${source_dir}/scripts/amalgamate ${work}/gsh.hpp)
+  set(source ${CMAKE_CURRENT_LIST_DIR}/one_header/picture.cpp)
+  list(TRANSFORM eigen PREPEND "-isystem")
+  run(${compiler} -std=c++20 ${eigen} -I${work} -D GSH_IN_ONE_HEADER ${source} -ltbb -o in_one_header)
+  run(${compiler} -std=c++20 ${eigen} -I${source_dir}/include ${source} -ltbb -o in_many_headers)
+  run(${work}/in_one_header)
+  set(picture "${output}")
+  run(${work}/in_many_headers)
+  if(NOT picture STREQUAL output)
+    message(FATAL_ERROR "the pictures differ:\n${picture}\n\n${output}")
+  endif()
+  return()
+endif()
 
 set(project ${CMAKE_CURRENT_LIST_DIR})
-if(way STREQUAL "cuda")
-  set(project ${CMAKE_CURRENT_LIST_DIR}/cuda)
-endif()
-if(NOT way STREQUAL "add_subdirectory")
-  run(${CMAKE_COMMAND} --install ${build_dir} --prefix ${work}/prefix)
+if(way STREQUAL "find_package")
+  install()
   set(how -D CMAKE_PREFIX_PATH=${work}/prefix)
-else()
+elseif(way STREQUAL "add_subdirectory")
   set(how -D GSH_SUBDIRECTORY=${source_dir})
-endif()
-
-if(way STREQUAL "cuda")
+elseif(way STREQUAL "fetch_content") # from a repository with what a user of the library needs, as it is in the tree
+  set(project ${project}/small)
+  file(COPY ${source_dir}/CMakeLists.txt ${source_dir}/cmake ${source_dir}/include DESTINATION ${work}/repository)
+  set(git git -C ${work}/repository -c user.name=test -c user.email=test@example.org)
+  run(git init --quiet ${work}/repository)
+  run(${git} add --all)
+  run(${git} commit --quiet --no-gpg-sign -m "all")
+  run(${git} tag v0.1)
+  set(how -D GSH_REPOSITORY=file://${work}/repository)
+else()
+  set(project ${project}/cuda)
+  if(way STREQUAL "cuda")
+    install()
+    set(how -D CMAKE_PREFIX_PATH=${work}/prefix)
+  else()
+    set(how -D GSH_SUBDIRECTORY=${source_dir})
+  endif()
   list(APPEND how -D CMAKE_CUDA_COMPILER=${nvcc} -D CMAKE_CUDA_HOST_COMPILER=${compiler}
        -D CMAKE_CUDA_ARCHITECTURES=90) # CMake's default is one that nvcc 13 has no more
 endif()
@@ -39,7 +99,7 @@ foreach(flag IN ITEMS -Wall -Wextra -Wpedantic -Wshadow -Werror -march -ffp-cont
   endif()
 endforeach()
 
-if(NOT way STREQUAL "cuda")
+if(way MATCHES "^(find_package|add_subdirectory)$")
   file(READ ${work}/build/CMakeFiles/consumer_of_all_precompiled.dir/cmake_pch.hxx precompiled)
   if(NOT precompiled MATCHES "#include <gsh/gsh.hpp>")
     message(FATAL_ERROR "gsh_precompile without headers does not precompile gsh/gsh.hpp:\n${precompiled}")

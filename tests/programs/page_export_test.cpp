@@ -127,6 +127,8 @@ constexpr const char* drive_exported = R"js(
   new DataView(misled.buffer).setUint32(end + 16, whole.length - 3, true);
   await refused("a wrong offset", misled, ["is damaged"]);
   await refused("a part of a file", whole.slice(0, end), ["archive"]);
+  await refused("a file of a later version", Uint8Array.from(atob("OF_LATER"), (c) => c.charCodeAt(0)),
+                ["holds 'motion 2'", "'motion 1'"]);
   await refused("a file that inflates", Uint8Array.from(atob("INFLATES"), (c) => c.charCodeAt(0)), ["256 MiB"]);
   await send("done", "");
 })();
@@ -214,10 +216,14 @@ TEST_CASE("gsh-export writes a page that draws what gsh-animate renders, without
     inflates.add("global_orient", std::vector<std::uint8_t>((std::size_t(256) << 20) + 1));
     inflates.commit();
     std::string script = test::filled_in(drive_exported, "FRAMES", nlohmann::json(frames).dump());
+    NpzWriter later(folder / "later.npz");
+    later.add_text("gsh_format", "motion 2");
+    later.commit();
+    script = test::filled_in(script, "OF_LATER", base64(read_file(folder / "later.npz")));
     script = test::filled_in(script, "INFLATES", base64(read_file(folder / "inflates.npz")));
     test::PageReports reports;
     drive_page(folder / "page.html", test::filled_in(script, "MEASURES", measured ? "true" : "false"), reports);
-    CHECK(reports.checks().size() == 24);
+    CHECK(reports.checks().size() == 25);
 
     cpu::Threads backend(2);
     ViewPainter painter(backend, scene);

@@ -468,3 +468,21 @@ TEST_CASE("each program lists its options") {
         CHECK(outcome.out == test::contains("--out"));
     }
 }
+
+TEST_CASE("every program prints its version, on one line, without its required options") {
+    std::vector<std::string> programs;
+    for (const auto& entry : fs::directory_iterator(fs::path(GSH_SOURCE_DIR) / "programs"))
+        if (entry.path().extension() == ".cpp") programs.push_back(entry.path().stem().string());
+    CHECK(programs.size() >= 11);
+    for (std::string program : programs) {
+        std::replace(program.begin(), program.end(), '_', '-');
+        CAPTURE(program);
+        const test::Outcome outcome = run({program, "--version"});
+        CHECK(outcome.code == 0);
+        CHECK(outcome.err.empty());
+        CHECK(outcome.out.starts_with(program + " " GSH_VERSION_TEXT " (instructions: " GSH_TEXT(GSH_ISA) "; "));
+        CHECK(outcome.out == test::contains("backends: threads"));
+        CHECK(outcome.out.ends_with(")\n"));
+        CHECK(std::count(outcome.out.begin(), outcome.out.end(), '\n') == 1);
+    }
+}

@@ -58,3 +58,6 @@
 /// The value of a macro as text: GSH_TEXT(GSH_ISA) is "avx2".
 #define GSH_TEXT_OF(tokens) #tokens
 #define GSH_TEXT(macro) GSH_TEXT_OF(macro)
+
+/// The version as text: "0.1.0".
+#define GSH_VERSION_TEXT GSH_TEXT(GSH_VERSION_MAJOR) "." GSH_TEXT(GSH_VERSION_MINOR) "." GSH_TEXT(GSH_VERSION_PATCH)

@@ -4,6 +4,7 @@
 
 #include <gsh/body/body_model.hpp>
 #include <gsh/core/error.hpp>
+#include <gsh/io/file/archive.hpp>
 #include <gsh/io/file/compact_arrays.hpp>
 #include <gsh/io/file/npz.hpp>
 #include <gsh/io/file/npz_writer.hpp>
@@ -113,7 +114,11 @@ inline std::vector<int> parents_of(const NpzReader& file, const std::string& key
 
 } // namespace detail
 
-inline BodyModel load_body_model(const std::filesystem::path& path) { return read_body_model(NpzReader(path)); }
+inline BodyModel load_body_model(const std::filesystem::path& path) {
+    const NpzReader file(path);
+    detail::check_first_version(file, "body");
+    return read_body_model(file);
+}
 
 inline BodyModel read_body_model(const NpzReader& file, const std::string& prefix) {
     using detail::any_length;

@@ -27,7 +27,7 @@ namespace gsh {
 // -------------------------------------------------------------------------------------------------------------
 
 inline RegionLists read_regions(const std::filesystem::path& path, std::size_t vertex_count) {
-    const detail::Json json = detail::read_json(path);
+    const detail::Json json = detail::read_json(path, "regions");
     const detail::JsonObject object(json, path.string());
     RegionLists lists;
     const std::array<std::pair<const char*, std::optional<std::vector<int>>*>, 4> fields = {

@@ -156,11 +156,11 @@ inline Json camera_json(const NamedCamera& named) {
 } // namespace detail
 
 inline CameraList read_cameras(const std::filesystem::path& path) {
-    return detail::read_camera_list(detail::read_json(path), path.string());
+    return detail::read_camera_list(detail::read_json(path, "cameras"), path.string());
 }
 
 inline NamedCamera read_camera(const std::filesystem::path& path, std::string_view name) {
-    const detail::Json json = detail::read_json(path);
+    const detail::Json json = detail::read_json(path, "cameras");
     if (json.is_object() && !json.contains("cameras")) {
         NamedCamera camera = detail::read_camera_entry(json, path.string());
         if (!name.empty() && camera.name != name)

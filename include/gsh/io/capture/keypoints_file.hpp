@@ -310,7 +310,7 @@ inline std::vector<PhotoKeypoints> load_keypoints(const std::filesystem::path& p
             throw IoError(path.string() +
                           ": does not exist, expected a folder of OpenPose or a file of COCO-WholeBody");
         const std::string where = path.string();
-        const Json json = detail::read_json(path);
+        const Json json = detail::read_json(path, "keypoints");
         const Json& listed = detail::list_of(where, json, "images");
         for (const Json& image : listed) {
             if (!image.is_object() || !image.contains("id") || !image.contains("file_name") ||

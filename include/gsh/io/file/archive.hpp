@@ -3,6 +3,7 @@
 #pragma once
 
 #include <gsh/core/error.hpp>
+#include <gsh/io/file/format_version.hpp>
 #include <gsh/io/file/npz.hpp>
 #include <gsh/io/file/npz_writer.hpp>
 
@@ -23,7 +24,7 @@ class ArchiveWriter : public NpzWriter {
 public:
     ArchiveWriter(std::filesystem::path path, std::string_view kind, int version, Packing packing = Packing::stored)
         : NpzWriter(std::move(path), packing) {
-        add_text("gsh_format", std::string(kind) + " " + std::to_string(version));
+        add_text(detail::format_member, std::string(kind) + " " + std::to_string(version));
     }
 
     /// Adds structs that consist only of T, such as vectors and quaternions, as an array [rows, numbers per row].
@@ -89,25 +90,25 @@ private:
 namespace detail {
 /// The text of gsh_format, or empty.
 inline std::string archive_format(const NpzReader& file) {
-    if (!file.has("gsh_format") || !file.header("gsh_format").is_text()) return {};
-    const auto texts = file.read_texts("gsh_format");
+    if (!file.has(format_member) || !file.header(format_member).is_text()) return {};
+    const auto texts = file.read_texts(format_member);
     return texts.size() == 1 ? texts[0] : std::string();
+}
+
+/// Throws unless a file in a layout of SMPL-X programs, which states no kind, is of version 1 (format_member).
+inline void check_first_version(const NpzReader& file, std::string_view kind) {
+    if (const std::string format = archive_format(file); !format.empty())
+        check_format(file.path().string(), format, kind, 1, 1);
 }
 } // namespace detail
 
 inline ArchiveReader::ArchiveReader(std::filesystem::path path, std::string_view kind, int version, int oldest)
     : file_(std::move(path)) {
     const std::string name = file_.path().string(), format = detail::archive_format(file_);
-    const std::string expected = std::string(kind) + " " + std::to_string(version);
-    for (int older = oldest ? oldest : version; older <= version; ++older)
-        if (format == std::string(kind) + " " + std::to_string(older)) return;
-    if (format.empty()) throw IoError(name + ": is not a gsh file: gsh_format is missing, expected '" + expected + "'");
-    const std::string found = format.substr(0, format.find(' '));
-    if (found != kind)
-        throw IoError(name + ": holds '" + detail::shortened(format) + "', expected '" + expected +
-                      "'; give the file of that kind");
-    throw IoError(name + ": holds '" + detail::shortened(format) + "', but this program reads '" + expected +
-                  "'; make the file again, or take the version of gsh that wrote it");
+    if (format.empty())
+        throw IoError(name + ": is not a gsh file: gsh_format is missing, expected '" + std::string(kind) + " " +
+                      std::to_string(version) + "'");
+    detail::check_format(name, format, kind, version, oldest ? oldest : version);
 }
 
 inline std::string archive_kind(const std::filesystem::path& path) {

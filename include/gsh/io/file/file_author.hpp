@@ -10,8 +10,7 @@ namespace gsh {
 
 /// "gsh 0.1.0", the author of a file.
 [[nodiscard]] inline std::string file_author() {
-    return "gsh " + std::to_string(GSH_VERSION_MAJOR) + "." + std::to_string(GSH_VERSION_MINOR) + "." +
-           std::to_string(GSH_VERSION_PATCH);
+    return "gsh " GSH_VERSION_TEXT;
 }
 
 } // namespace gsh

@@ -6,6 +6,7 @@
 #include <gsh/core/message.hpp>
 #include <gsh/io/file/atomic_file.hpp>
 #include <gsh/io/file/foreign_file.hpp>
+#include <gsh/io/file/format_version.hpp>
 
 #include <nlohmann/json.hpp>
 
@@ -40,16 +41,27 @@ struct JsonLimits {
 template <class Value = Json>
 [[nodiscard]] Value parse_json(std::string_view text, const std::string& what, const JsonLimits& limits = {});
 
-/// Reads a file of at most 64 MiB; a thousand cameras take 1 MiB.
-[[nodiscard]] inline Json read_json(const std::filesystem::path& path) {
-    const std::string text = read_file(path, std::size_t(1) << 26);
+/// Reads a file of at most 64 MiB; a thousand cameras take 1 MiB. `kind` is the name of a kind of gsh's own files, or
+/// empty for those of other programs. An object may state it in format_member, which is left out of the result.
+///
+/// Errors  those of read_file, parse_json and check_format.
+[[nodiscard]] inline Json read_json(const std::filesystem::path& path, std::string_view kind = {}) {
+    const std::string text = read_file(path, std::size_t(1) << 26), name = path.string();
+    Json json;
     try {
-        return parse_json(text, path.string());
+        json = parse_json(text, name);
     } catch (const IoError&) {
         const std::string foreign = text.empty() ? "" : not_the_kind(path, "JSON", "json", "");
-        if (!foreign.empty()) throw IoError(path.string() + ": " + foreign);
+        if (!foreign.empty()) throw IoError(name + ": " + foreign);
         throw;
     }
+    if (!json.is_object() || !json.contains(format_member)) return json;
+    const Json& format = json[format_member];
+    if (!format.is_string())
+        throw IoError(name + ": " + format_member + " is " + format.type_name() + ", expected text");
+    check_format(name, format.get<std::string>(), kind, 1, 1);
+    json.erase(format_member);
+    return json;
 }
 
 /// A JSON object and its place in the file, for messages.

@@ -17,7 +17,7 @@ namespace gsh {
 ///
 /// Errors  IoError for a file that is not a JSON object, or for a member that is a list, an object or null.
 [[nodiscard]] inline std::vector<std::pair<std::string, std::string>> read_settings(const std::filesystem::path& path) {
-    const detail::Json json = detail::read_json(path);
+    const detail::Json json = detail::read_json(path, "settings");
     if (!json.is_object()) throw IoError(path.string() + ": must hold one JSON object, names and values");
     std::vector<std::pair<std::string, std::string>> settings;
     for (const auto& [name, value] : json.items()) {

@@ -133,6 +133,7 @@ inline std::optional<MotionLayout> recognise_motion(const std::filesystem::path&
     }
     if (const auto layout = detail::recognise_rig_file(path)) return layout;
     const NpzReader file(path);
+    detail::check_first_version(file, "motion");
     const auto has = [&](const char* key) { return file.has_array(key); };
     if (file.has("pred_global_rots")) return MotionLayout::sam3d;
     if (has("thetas")) return MotionLayout::snapshot;

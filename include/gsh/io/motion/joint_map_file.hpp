@@ -18,7 +18,7 @@ namespace gsh {
 /// Errors  IoError naming the file and the entry: a file that is not a JSON object, or a name that SMPL-X does not
 ///         have.
 [[nodiscard]] inline JointMap read_joint_map(const std::filesystem::path& path) {
-    const detail::Json json = detail::read_json(path);
+    const detail::Json json = detail::read_json(path, "joint_map");
     if (!json.is_object())
         throw IoError(path.string() + ": is " + json.type_name() +
                       R"(, expected an object of names such as {"LeftArm": "left_shoulder"})");

@@ -5,6 +5,7 @@
 #include <gsh/body/body_model.hpp>
 #include <gsh/body/motion.hpp>
 #include <gsh/core/error.hpp>
+#include <gsh/io/file/archive.hpp>
 #include <gsh/io/file/npz.hpp>
 #include <gsh/io/file/npz_writer.hpp>
 #include <gsh/io/motion/frame_rate.hpp>
@@ -280,7 +281,9 @@ private:
 
 inline Motion load_motion(const std::filesystem::path& path, const BodyModel& model, const MotionFileOptions& options,
                           std::vector<std::string>* warnings) {
-    return detail::MotionReader<NpzReader>(NpzReader(path), model, options, warnings).read();
+    NpzReader file(path);
+    detail::check_first_version(file, "motion");
+    return detail::MotionReader<NpzReader>(std::move(file), model, options, warnings).read();
 }
 
 inline std::string hand_mean_warning(const BodyModel& model, const Motion& motion, bool mean_added) {
