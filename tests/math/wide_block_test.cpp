@@ -32,3 +32,41 @@ TEST_CASE_TEMPLATE("a block reads the elements that were pushed, and the last on
     }
     CHECK(!WideBlock<T>().fill());
 }
+
+namespace {
+
+template <std::size_t Count>
+struct RowsCase {
+    static constexpr std::size_t count = Count;
+};
+
+} // namespace
+
+TEST_CASE_TEMPLATE("put_rows reads structs of any number of numbers, and add_rows adds some of the lanes back", Case,
+                   RowsCase<3>, RowsCase<12>, RowsCase<16>, RowsCase<27>, RowsCase<48>, RowsCase<75>) {
+    const auto check = [&]<class T>(T) {
+        constexpr std::size_t width = Wide<T>::width;
+        using Struct = T[Case::count];
+        std::vector<T> numbers(2 * width * Case::count);
+        for (std::size_t i = 0; i < numbers.size(); ++i) numbers[i] = T(i + 1);
+        const auto row = [&](std::size_t lane) -> Struct& { // every second one
+            return reinterpret_cast<Struct&>(numbers[2 * lane * Case::count]);
+        };
+        Wide<T> wides[Case::count];
+        put_rows<T>(wides, row);
+        for (std::size_t lane = 0; lane < width; ++lane)
+            for (std::size_t k = 0; k < Case::count; ++k) CHECK(wides[k][lane] == row(lane)[k]);
+
+        for (const std::size_t added : {std::size_t(0), std::size_t(1), width - 1, width}) {
+            const std::vector<T> before = numbers;
+            add_rows<T>(wides, added, row);
+            for (std::size_t i = 0; i < numbers.size(); ++i) {
+                const std::size_t r = i / Case::count;
+                const bool mine = r % 2 == 0 && r / 2 < added;
+                CHECK(numbers[i] == before[i] + (mine ? wides[i % Case::count][r / 2] : T(0)));
+            }
+        }
+    };
+    check(0.0f);
+    check(0.0);
+}

@@ -28,12 +28,17 @@ struct AdamCoefficients {
     T beta1, beta2, one_minus_beta1, one_minus_beta2, step_size, inverse_root_correction2, epsilon;
 };
 
-/// Updates m, v and the parameter of one element (per lane).
+/// Updates m, v and the parameter of one element (per lane). step_size takes the place of the coefficients' own.
 template <Lane T>
-GSH_INLINE GSH_HD void adam_update(T& parameter, T gradient, T& m, T& v, const AdamCoefficients<ScalarOf<T>>& c) {
+GSH_INLINE GSH_HD void adam_update(T& parameter, T gradient, T& m, T& v, const AdamCoefficients<ScalarOf<T>>& c,
+                                   T step_size) {
     m = T(c.beta1) * m + T(c.one_minus_beta1) * gradient;
     v = T(c.beta2) * v + T(c.one_minus_beta2) * gradient * gradient;
-    parameter -= T(c.step_size) * m / (sqrt(v) * T(c.inverse_root_correction2) + T(c.epsilon));
+    parameter -= step_size * m / (sqrt(v) * T(c.inverse_root_correction2) + T(c.epsilon));
+}
+template <Lane T>
+GSH_INLINE GSH_HD void adam_update(T& parameter, T gradient, T& m, T& v, const AdamCoefficients<ScalarOf<T>>& c) {
+    adam_update(parameter, gradient, m, v, c, T(c.step_size));
 }
 
 /// Element i of one step.
@@ -43,7 +48,7 @@ struct AdamStep {
     AdamCoefficients<T> coefficients;
     bool zero_gradients;
 
-    GSH_HD void operator()(std::size_t i) const {
+    GSH_INLINE GSH_HD void operator()(std::size_t i) const {
         adam_update(parameters[i], gradients[i], m[i], v[i], coefficients);
         if (zero_gradients) gradients[i] = T(0);
     }

@@ -42,22 +42,30 @@ GSH_HD void cover_columns(const Ellipse<T>& ellipse, const TileCover& cover, int
     end = end < first ? first : end;
 }
 
+/// The mask of a cover's whole rectangle, of up to 8x8 tiles.
+[[nodiscard]] GSH_HD inline std::uint64_t whole_mask(const TileCover& cover) {
+    constexpr std::uint64_t first_column = 0x0101010101010101ull;
+    return ((1ull << cover.columns) - 1) * (first_column >> (64 - 8 * cover.rows));
+}
+/// The part of the mask of columns [first, end) of tiles in a row that is counted from the rectangle's first.
+[[nodiscard]] GSH_HD inline std::uint64_t row_mask(const TileCover& cover, int row, int first, int end) {
+    return first == end ? 0 : ((1ull << (end - first)) - 1) << (8 * row + first - cover.x0);
+}
+
 /// Sets the mask of a rectangle of up to 8x8 tiles; returns the number of tiles.
 template <class T>
 [[nodiscard]] GSH_HD std::uint32_t set_mask(const Ellipse<T>& ellipse, const TileGrid& grid, TileCover& cover) {
     const int columns = cover.columns, rows = cover.rows;
     if (columns == 1 || rows == 1) { // the ellipse meets all tiles
-        constexpr std::uint64_t first_column = 0x0101010101010101ull;
-        cover.mask = ((1ull << columns) - 1) * (first_column >> (64 - 8 * rows));
+        cover.mask = whole_mask(cover);
         return static_cast<std::uint32_t>(columns * rows);
     }
     std::uint32_t count = 0;
     for (int y = 0; y < rows; ++y) {
         int first, end;
         cover_columns(ellipse, cover, cover.y0 + y, grid, first, end);
-        if (first == end) continue;
         count += static_cast<std::uint32_t>(end - first);
-        cover.mask |= ((1ull << (end - first)) - 1) << (8 * y + first - cover.x0);
+        cover.mask |= row_mask(cover, y, first, end);
     }
     return count;
 }

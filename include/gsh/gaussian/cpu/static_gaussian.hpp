@@ -4,6 +4,7 @@
 
 #include <gsh/backend/backend.hpp>
 #include <gsh/core/config.hpp>
+#include <gsh/core/prefetch.hpp>
 #include <gsh/gaussian/cpu/gaussian_lanes.hpp>
 #include <gsh/gaussian/splats.hpp>
 #include <gsh/gaussian/static_gaussian.hpp>
@@ -50,20 +51,32 @@ struct StaticBlock : WideBlock<T> {
             Gaussian::backward(in_, element.clamping, read<Splat<W>>(element.dL_dsplats), gradient);
 
         const auto& out = element.dL_dgaussians;
+        if (!out.sh.empty()) prefetch_rows(out.sh);
         for (std::size_t lane = 0; lane < count; ++lane) {
             const std::size_t i = index[lane];
             add_attributes<T>(gradient, lane, out, i);
-            for (std::size_t k = 0; k < Gaussian::basis_count && !out.sh.empty(); ++k)
-                add_lane<T>(dL_dsh[k], lane, out.sh[i * Gaussian::basis_count + k]);
             if (!element.dL_dcenters.empty()) get_lane<T>(gradient.center, lane, element.dL_dcenters[i]);
         }
+        if (!out.sh.empty())
+            add_rows<T>(dL_dsh, count, [&](std::size_t lane) -> Coefficients& {
+                return reinterpret_cast<Coefficients&>(out.sh[index[lane] * Gaussian::basis_count]);
+            });
         count = 0;
     }
 
 private:
+    using Coefficients = vec3<T>[Gaussian::basis_count];
+
     typename Gaussian::template Input<W> in_;
     vec3<W> sh_[Gaussian::basis_count];
 
+    /// Asks for the coefficients of a block further on: without it, most of the time goes into waiting for them.
+    template <class Rows>
+    GSH_INLINE void prefetch_rows(const Rows& sh) const {
+        constexpr std::size_t row = sizeof(Coefficients), ahead = 2 * width;
+        const char* const from = reinterpret_cast<const char*>(sh.data()) + (index[0] + ahead) * row;
+        for (std::size_t byte = 0; byte < width * row; byte += 64) prefetch(from + byte);
+    }
     template <class Out>
     GSH_INLINE void write(const Out& out, const SplatView<T>& to) const {
         for (std::size_t lane = 0; lane < count; ++lane) get_splat<T>(out, lane, to, index[lane]);
@@ -83,10 +96,11 @@ private:
         for (std::size_t lane = 0; lane < width; lane += lanes_per_store<T>) {
             const std::size_t* i = index + lane;
             put_attributes<T>(in_, lane, i, from);
-            put_lanes<T>(sh_, lane, [&](std::size_t j) -> const vec3<T>(&)[Gaussian::basis_count] {
-                return reinterpret_cast<const vec3<T>(&)[Gaussian::basis_count]>(from.sh[i[j] * Gaussian::basis_count]);
-            });
         }
+        put_rows<T>(sh_, [&](std::size_t lane) -> const Coefficients& {
+            return reinterpret_cast<const Coefficients&>(from.sh[index[lane] * Gaussian::basis_count]);
+        });
+        prefetch_rows(from.sh);
     }
 };
 

@@ -3,9 +3,11 @@
 #pragma once
 
 #include <gsh/backend/backend.hpp>
+#include <gsh/core/prefetch.hpp>
 #include <gsh/image/image.hpp>
 #include <gsh/loss/photometric_cache.hpp>
 #include <gsh/loss/ssim.hpp>
+#include <gsh/math/wide.hpp>
 
 #include <algorithm>
 #include <cmath>
@@ -34,6 +36,8 @@ struct PhotometricTiles {
     static constexpr int rows = 32, columns = 64;
     static constexpr int radius = SsimWindow<float>::radius;
     static constexpr int halo_rows = rows + 2 * radius, halo_columns = columns + 2 * radius;
+    static constexpr int row_start = 16;                          ///< place of a row's first column, after its halo
+    static constexpr int row_length = columns + 2 * row_start;    ///< of a row with its halo and padding
     static constexpr std::size_t area = std::size_t(rows) * columns;
 
     int channels, height, width;
@@ -95,7 +99,7 @@ struct PhotometricForwardTile {
     using Tiles = PhotometricTiles;
     static constexpr int moments = 4; // s, d, s², d²
 
-    alignas(64) T in[moments][Tiles::halo_columns + 6];           // one row, padded to whole registers
+    alignas(64) T in[2][moments][Tiles::row_length];                // two rows
     alignas(64) T along[moments][Tiles::halo_rows][Tiles::columns]; // filtered along rows
     alignas(64) T across[moments][Tiles::columns];                  // and down columns, one row
     alignas(64) T l1[Tiles::columns], dssim[Tiles::columns], squares[Tiles::columns]; // sums down each column
@@ -128,25 +132,34 @@ private:
                      const Tiles::Tile& tile) {
         constexpr int radius = Tiles::radius;
         const int x0 = std::max(tile.x - radius, 0), x1 = std::min(tile.x + Tiles::columns + radius, a.width);
-        const int shift = radius - tile.x; // image column + shift = column of `in`
-        for (auto& row : in) std::fill(std::begin(row), std::end(row), T(0));
-        for (int r = 0; r < Tiles::halo_rows; ++r) {
-            const int y = tile.y + r - radius;
-            if (y < 0 || y >= a.height) {
-                for (auto& rows : along) std::fill(rows[r], rows[r] + Tiles::columns, T(0));
-                continue;
-            }
-            const T* __restrict p = a.row(tile.channel, y) + x0;
-            const T* __restrict q = b.row(tile.channel, y) + x0;
-            T* __restrict s = in[0] + (shift + x0);
-            T* __restrict d = in[1] + (shift + x0);
-            T* __restrict ss = in[2] + (shift + x0);
-            T* __restrict dd = in[3] + (shift + x0);
+        const int shift = Tiles::row_start - tile.x; // image column + shift = column of `in`
+        for (auto& rows : in)
+            for (auto& row : rows) std::fill(std::begin(row), std::end(row), T(0));
+        const auto inside = [&](int r) {
+            return r < Tiles::halo_rows && tile.y + r >= radius && tile.y + r - radius < a.height;
+        };
+        const auto read = [&](int r) {
+            const T* __restrict p = a.row(tile.channel, tile.y + r - radius) + x0;
+            const T* __restrict q = b.row(tile.channel, tile.y + r - radius) + x0;
+            auto& row = in[r % 2];
+            T* __restrict s = row[0] + (shift + x0);
+            T* __restrict d = row[1] + (shift + x0);
+            T* __restrict ss = row[2] + (shift + x0);
+            T* __restrict dd = row[3] + (shift + x0);
             for (int x = 0; x < x1 - x0; ++x) {
                 const T sum = p[x] + q[x], difference = p[x] - q[x];
                 s[x] = sum, d[x] = difference, ss[x] = sum * sum, dd[x] = difference * difference;
             }
-            for (int m = 0; m < moments; ++m) correlate<Tiles::columns, 1>(window.taps, in[m], along[m][r]);
+        };
+        // A row is read one round before it is filtered: loads that overlap several recent stores wait for them.
+        if (inside(0)) read(0);
+        for (int r = 0; r < Tiles::halo_rows; ++r) {
+            if (inside(r + 1)) read(r + 1);
+            for (int m = 0; m < moments; ++m) {
+                T* const out = along[m][r];
+                if (inside(r)) correlate<Tiles::columns, 1>(window.taps, in[r % 2][m] + Tiles::row_start - radius, out);
+                else std::fill(out, out + Tiles::columns, T(0));
+            }
         }
     }
 
@@ -176,7 +189,7 @@ struct PhotometricBackwardTile {
     using Tiles = PhotometricTiles;
     static constexpr int maps = 3; // dL_dmean, dL_dss, dL_ddd
 
-    alignas(64) T in[Tiles::halo_columns + 6];
+    alignas(64) T in[2][Tiles::row_length];
     alignas(64) T along[maps][Tiles::halo_rows][Tiles::columns];
     alignas(64) T across[maps][Tiles::columns];
 
@@ -206,24 +219,35 @@ struct PhotometricBackwardTile {
 private:
     void filter_rows(const SsimWindow<T>& window, const Tiles& tiles, const Tiles::Tile& tile, Span<const T> partials,
                      Span<const std::uint8_t> active) {
+        using W = Wide<T>;
         constexpr int radius = Tiles::radius;
-        for (int m = 0; m < maps; ++m)
-            for (int r = 0; r < Tiles::halo_rows; ++r) {
-                const int y = tile.y + r - radius, j = y < 0 ? -1 : y / Tiles::rows, row = y - j * Tiles::rows;
-                const auto source = [&](int i) -> const T* { // this row of a tile beside, or null where it is 0
-                    if (!tiles.active(active, tile.channel, j, i)) return nullptr;
-                    return partials.data() + (tiles.index(tile.channel, j, i) * maps + std::size_t(m)) * Tiles::area +
-                           row * Tiles::columns;
-                };
-                const auto take = [](const T* from, int offset, int count, T* to) {
-                    if (from) std::copy(from + offset, from + offset + count, to);
-                    else std::fill(to, to + count, T(0));
-                };
-                take(source(tile.i - 1), Tiles::columns - radius, radius, in);
-                take(source(tile.i), 0, Tiles::columns, in + radius);
-                take(source(tile.i + 1), 0, radius, in + radius + Tiles::columns);
-                correlate<Tiles::columns, 1>(window.taps, in, along[m][r]);
-            }
+        const auto read = [&](int line) { // of all halo rows of all maps
+            const int m = line / Tiles::halo_rows, r = line % Tiles::halo_rows;
+            const int y = tile.y + r - radius, j = y < 0 ? -1 : y / Tiles::rows, row = y - j * Tiles::rows;
+            const auto source = [&](int i) -> const T* { // this row of a tile beside, or null where it is 0
+                if (!tiles.active(active, tile.channel, j, i)) return nullptr;
+                return partials.data() + (tiles.index(tile.channel, j, i) * maps + std::size_t(m)) * Tiles::area +
+                       row * Tiles::columns;
+            };
+            T* const to = in[line % 2] + Tiles::row_start;
+            const T *const left = source(tile.i - 1), *const middle = source(tile.i), *const right = source(tile.i + 1);
+            for (int x = 0; x < radius; ++x) to[x - radius] = left ? left[Tiles::columns - radius + x] : T(0);
+            for (int x = 0; x < Tiles::columns; x += int(W::width))
+                (middle ? W::load(middle + x) : W(T(0))).store(to + x);
+            constexpr int ahead = 8 * Tiles::columns; // rows of a tile follow each other in memory
+            for (int x = 0; middle && x < Tiles::columns; x += int(64 / sizeof(T))) prefetch(middle + ahead + x);
+            if (left) prefetch(left + ahead + Tiles::columns - radius);
+            if (right) prefetch(right + ahead);
+            for (int x = 0; x < radius; ++x) to[Tiles::columns + x] = right ? right[x] : T(0);
+        };
+        // As in forward, a row is read one round before it is filtered.
+        constexpr int lines = maps * Tiles::halo_rows;
+        read(0);
+        for (int line = 0; line < lines; ++line) {
+            if (line + 1 < lines) read(line + 1);
+            correlate<Tiles::columns, 1>(window.taps, in[line % 2] + Tiles::row_start - radius,
+                                         along[line / Tiles::halo_rows][line % Tiles::halo_rows]);
+        }
     }
 };
 

@@ -4,6 +4,8 @@
 
 #include <gsh/backend/backend.hpp>
 #include <gsh/core/span.hpp>
+#include <gsh/math/wide.hpp>
+#include <gsh/optim/adam.hpp>
 
 #include <cstddef>
 #include <cstdint>
@@ -41,14 +43,30 @@ void adam_step_rows(B& backend, const Step& step, Span<const std::uint32_t> rows
     });
 }
 
-template <CpuBackend B, class Step>
-void adam_step_columns(B& backend, const Step& first_step, const Step& other_step, std::size_t rows, std::size_t width,
+/// The rows follow each other without a gap, so that registers cross from one row to the next.
+template <CpuBackend B, class T>
+void adam_step_columns(B& backend, const gsh::detail::AdamStep<T>& first_step,
+                       const gsh::detail::AdamStep<T>& other_step, std::size_t rows, std::size_t width,
                        std::size_t first) {
+    using W = Wide<T>;
+    const W columns(static_cast<T>(width)), first_columns(static_cast<T>(first));
+    const W advance(static_cast<T>(W::width % width));
+    const W first_size(first_step.coefficients.step_size), other_size(other_step.coefficients.step_size);
     backend.for_chunks(rows, 1024, [&](std::size_t, std::size_t begin, std::size_t end) {
-        for (std::size_t row = begin; row < end; ++row) {
-            detail::adam_run(first_step, row * width, row * width + first);
-            detail::adam_run(other_step, row * width + first, (row + 1) * width);
+        const gsh::detail::AdamStep<T> step = first_step;
+        W column = W::generate([&](std::size_t lane) { return static_cast<T>(lane % width); });
+        std::size_t i = begin * width;
+        for (; i + W::width <= end * width; i += W::width) {
+            W parameter = W::load(&step.parameters[i]), m = W::load(&step.m[i]), v = W::load(&step.v[i]);
+            const W gradient = W::load(&step.gradients[i]);
+            gsh::detail::adam_update(parameter, gradient, m, v, step.coefficients,
+                                     select(column < first_columns, first_size, other_size));
+            parameter.store(&step.parameters[i]), m.store(&step.m[i]), v.store(&step.v[i]);
+            if (step.zero_gradients) W(T(0)).store(&step.gradients[i]);
+            column += advance;
+            column = select(column < columns, column, column - columns);
         }
+        for (; i < end * width; ++i) (i % width < first ? first_step : other_step)(i);
     });
 }
 

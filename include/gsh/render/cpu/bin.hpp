@@ -14,6 +14,7 @@
 #include <bit>
 #include <cstddef>
 #include <cstdint>
+#include <utility>
 
 namespace gsh::cpu::inline GSH_ISA {
 
@@ -42,6 +43,44 @@ void for_each_tile(const ScreenSplat<T>& splat, const TileCover& cover, const Ti
     }
 }
 
+/// Writes the records of the pairs of the splats [begin, end) of the order; returns the end of them.
+///
+/// Most covers have few tiles, of unpredictable number. So four are decoded at a time, whether there are so many or
+/// not; the next splat's records overwrite those that are too many.
+template <CpuBackend B, std::floating_point T, class Item>
+[[nodiscard]] PairRecord* decode_covers(const RasterScratch<B, T>& scratch, Span<const Item> order, std::size_t begin,
+                                        std::size_t end, PairRecord* record) {
+    constexpr std::size_t ahead = 32; // in depth order, the covers are scattered in memory
+    constexpr int at_a_time = 4;
+    const auto columns = static_cast<std::uint32_t>(scratch.grid.columns());
+    for (std::size_t i = begin; i < end; ++i) {
+        if (i + ahead < end) {
+            const std::uint32_t later = order[i + ahead].splat;
+            prefetch(&scratch.covers[later]), prefetch(&scratch.pair_begin[later]);
+        }
+        const std::uint32_t splat = order[i].splat;
+        const TileCover& cover = scratch.covers[splat];
+        std::uint32_t pair = scratch.pair_begin[splat];
+        if (cover.mask == 0 || end - i < at_a_time) {
+            for_each_tile(scratch.splats[splat], cover, scratch.grid,
+                          [&](std::uint32_t tile) { *record++ = {tile, splat, pair++}; });
+            continue;
+        }
+        const std::uint32_t corner = cover.y0 * columns + cover.x0;
+        std::uint64_t bits = cover.mask;
+        PairRecord* const after = record + std::popcount(bits);
+        while (bits != 0)
+            for (int k = 0; k < at_a_time; ++k) {
+                const auto bit = static_cast<std::uint32_t>(std::countr_zero(bits)); // 64 if there is none left
+                record->tile = corner + (bit >> 3) * columns + (bit & 7), record->splat = splat, record->pair = pair++;
+                ++record;
+                bits &= bits - 1;
+            }
+        record = after;
+    }
+    return record;
+}
+
 } // namespace detail
 
 /// Second stage: sorts front to back, ties by index.
@@ -68,42 +107,53 @@ void bin_splats(B& backend, Span<Item> order, RasterCache<B, T>& cache) {
     scratch.histograms.resize(chunks * tiles);
     const Span<std::uint32_t> counts = scratch.histograms;
 
-    const auto for_each_pair = [&](std::size_t begin, std::size_t end, const auto& visit) {
-        constexpr std::size_t ahead = 32; // in depth order, the covers are scattered in memory
-        for (std::size_t i = begin; i < end; ++i) {
-            if (i + ahead < end) {
-                const std::uint32_t later = order[i + ahead].splat;
-                prefetch(&scratch.covers[later]), prefetch(&scratch.pair_begin[later]);
-            }
-            const std::uint32_t splat = order[i].splat;
-            std::uint32_t pair = scratch.pair_begin[splat];
-            detail::for_each_tile(scratch.splats[splat], scratch.covers[splat], scratch.grid,
-                                  [&](std::uint32_t tile) { visit(tile, splat, pair++); });
-        }
-    };
+    // Each splat's cover is decoded once, into records of its pairs in depth order.
+    scratch.chunk_pairs.resize(chunks);
     backend.for_chunks(n, grain, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
+        std::uint32_t pairs = 0;
+        for (std::size_t i = begin; i < end; ++i)
+            pairs += scratch.pair_begin[order[i].splat + 1] - scratch.pair_begin[order[i].splat];
+        scratch.chunk_pairs[chunk] = pairs;
+    });
+    std::uint32_t sum = 0;
+    for (std::size_t chunk = 0; chunk < chunks; ++chunk) sum += std::exchange(scratch.chunk_pairs[chunk], sum);
+    scratch.records.resize(sum);
+    backend.for_chunks(n, grain, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
+        detail::PairRecord* const first = scratch.records.data() + scratch.chunk_pairs[chunk];
+        detail::PairRecord* const last = detail::decode_covers(scratch, Span<const Item>(order), begin, end, first);
         std::uint32_t* const count = counts.data() + chunk * tiles;
         std::fill(count, count + tiles, 0u);
-        for_each_pair(begin, end, [&](std::uint32_t tile, std::uint32_t, std::uint32_t) { ++count[tile]; });
+        for (const detail::PairRecord* record = first; record != last; ++record) ++count[record->tile];
     });
-    std::uint32_t sum = 0; // counts become start positions: by tile, then by chunk
+    // Counts become start positions: by tile, then by chunk. All loops go over contiguous numbers.
+    std::uint32_t* const next = scratch.tile_order.data(); // used for this before it gets its own numbers
+    std::fill(next, next + tiles, 0u);
+    for (std::size_t chunk = 0; chunk < chunks; ++chunk)
+        for (std::size_t tile = 0; tile < tiles; ++tile) next[tile] += counts[chunk * tiles + tile];
+    sum = 0;
     for (std::size_t tile = 0; tile < tiles; ++tile) {
         scratch.tile_begin[tile] = sum;
-        for (std::size_t chunk = 0; chunk < chunks; ++chunk) {
+        sum += std::exchange(next[tile], sum);
+    }
+    for (std::size_t chunk = 0; chunk < chunks; ++chunk)
+        for (std::size_t tile = 0; tile < tiles; ++tile) {
             std::uint32_t& place = counts[chunk * tiles + tile];
             const std::uint32_t count = place;
-            place = sum;
-            sum += count;
+            place = next[tile];
+            next[tile] += count;
         }
-    }
     scratch.tile_begin[tiles] = sum;
-    backend.for_chunks(n, grain, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
+    backend.for_chunks(chunks, 1, [&](std::size_t chunk, std::size_t, std::size_t) {
         std::uint32_t* const place = counts.data() + chunk * tiles;
-        for_each_pair(begin, end, [&](std::uint32_t tile, std::uint32_t splat, std::uint32_t pair) {
-            const std::uint32_t to = place[tile]++;
-            scratch.instances[to] = splat;
-            scratch.pair_places[pair] = to;
-        });
+        const std::size_t end = chunk + 1 < chunks ? scratch.chunk_pairs[chunk + 1] : sum;
+        for (std::size_t i = scratch.chunk_pairs[chunk]; i < end; ++i) {
+            constexpr std::size_t ahead = 16;
+            if (i + ahead < end) prefetch_for_write(&scratch.pair_places[scratch.records[i + ahead].pair]);
+            const detail::PairRecord& record = scratch.records[i];
+            const std::uint32_t to = place[record.tile]++;
+            scratch.instances[to] = record.splat;
+            scratch.pair_places[record.pair] = to;
+        }
     });
 
     // Long lists come first, in classes of powers of two. The last tasks are then small, and all threads finish at

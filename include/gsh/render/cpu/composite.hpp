@@ -70,12 +70,18 @@ template <bool Depth, class T>
     return end;
 }
 
-/// Writes `value(pixel in block order)` to the pixels of the tile in one channel of an image.
+/// Writes `value(pixel in block order, column, row)` to the pixels of the tile in one channel of an image.
 template <class T, class Value>
 void write_tile(const TilePlace& tile, const ImageView<T>& image, int channel, const Value& value) {
     for (int y = 0; y < tile.height; ++y) {
         T* const row = image.row(channel, tile.y + y) + tile.x;
-        for (int x = 0; x < tile.width; ++x) row[x] = value(block_order(x, y), x, y);
+        if (tile.is_whole()) // the same with numbers of rounds that the compiler knows
+            for (int x = 0; x < TileGrid::tile_size; x += 4) {
+                const int first = block_order(x, y);
+                for (int i = 0; i < 4; ++i) row[x + i] = value(first + i, x + i, y);
+            }
+        else
+            for (int x = 0; x < tile.width; ++x) row[x] = value(block_order(x, y), x, y);
     }
 }
 
@@ -100,14 +106,6 @@ void write_target(const TilePlace& tile, const Background<T>& background, const 
     if (!target.median_depth.empty()) write_tile(tile, target.median_depth, 0, median);
 }
 
-/// True while some pixel of the block accepts further splats.
-template <class T>
-[[nodiscard]] bool is_live(const BlendBlock<T>& block, T transmittance_min) {
-    T largest = T(0);
-    for (const T product : block.product) largest = largest < product ? product : largest;
-    return largest >= transmittance_min;
-}
-
 /// Blends a tile's list block by block, so that the state of a block stays in registers over the splats of a batch.
 /// `used` is, for each block, the length of the part of the list that had an effect; returns the largest. `touched` are
 /// the blocks that each splat of that part may touch.
@@ -120,7 +118,7 @@ std::uint32_t blend_tile(const TilePlace& tile, Span<const ScreenSplat<T>> splat
         BlendBlock<T>& block = blocks[b];
         block = {};
         block.product = block.transmittance = initial_transmittance<T>(tile, b);
-        live |= (is_live(block, limits.transmittance_min) ? 1u : 0u) << b;
+        live |= (any_reaches(block.product, limits.transmittance_min) ? 1u : 0u) << b;
         used[b] = (live >> b & 1u) != 0 ? static_cast<std::uint32_t>(list.size()) : 0;
     }
     Batch<T> batch;

@@ -122,8 +122,11 @@ void read_tile(const TilePlace& tile, const ImageView<const T>& image, int chann
     if (image.empty()) return;
     for (int y = 0; y < tile.height; ++y) {
         const T* const row = image.row(channel, tile.y + y) + tile.x;
-        for (int x = 0; x < tile.width; x += 4) // a line of a block
-            std::copy_n(row + x, std::min(4, tile.width - x), pixels + block_order(x, y));
+        if (tile.is_whole())
+            for (int x = 0; x < TileGrid::tile_size; x += 4) std::copy_n(row + x, 4, pixels + block_order(x, y));
+        else
+            for (int x = 0; x < tile.width; x += 4) // a line of a block
+                std::copy_n(row + x, std::min(4, tile.width - x), pixels + block_order(x, y));
     }
 }
 
@@ -131,11 +134,10 @@ void read_tile(const TilePlace& tile, const ImageView<const T>& image, int chann
 template <class T>
 [[nodiscard]] std::uint32_t lit_blocks(std::uint32_t bits, const GradientBlock<T>* blocks, T transmittance_min) {
     std::uint32_t lit = 0;
+    if (transmittance_min <= T(0)) return bits;
     for (; bits != 0; bits &= bits - 1) {
         const int b = std::countr_zero(bits);
-        bool any_lit = false;
-        for (const T product : blocks[b].product) any_lit |= product >= transmittance_min;
-        lit |= (any_lit ? 1u : 0u) << b;
+        lit |= (any_reaches(blocks[b].product, transmittance_min) ? 1u : 0u) << b;
     }
     return lit;
 }

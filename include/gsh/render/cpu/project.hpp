@@ -37,20 +37,6 @@ template <std::floating_point T>
     return {s.mean2d.x, s.mean2d.y, s.w, generous(static_cast<double>(s.cut))};
 }
 
-/// The tiles of a rectangle that the ellipse inside it touches; returns their number.
-[[nodiscard]] inline std::uint32_t cover_tiles(const Ellipse<double>& ellipse, const TileRect& rect,
-                                               const TileGrid& grid, TileCover& cover) {
-    cover = gsh::detail::cover_of(rect);
-    if (gsh::detail::fits_mask(cover)) return gsh::detail::set_mask(ellipse, grid, cover);
-    std::uint32_t count = 0;
-    for (int y = rect.y0; y < rect.y1; ++y) {
-        int first, end;
-        cover_columns(ellipse, cover, y, grid, first, end);
-        count += static_cast<std::uint32_t>(end - first);
-    }
-    return count;
-}
-
 /// A camera with each number in all lanes of W, which is Wide<double>.
 template <class W>
 [[nodiscard]] GSH_INLINE Camera<W> in_all_lanes(const Camera<double>& camera) {
@@ -98,9 +84,26 @@ public:
     }
 
     [[nodiscard]] TileRect rect(std::size_t k) const { return {x0[k], y0[k], x1[k], y1[k]}; }
-    /// As ellipse_of the splat.
-    [[nodiscard]] Ellipse<double> ellipse(std::size_t k) const {
-        return {x[k], y[k], {ux[k], uy[k], vy[k]}, generous(static_cast<double>(static_cast<T>(cut[k])))};
+    /// Sets the tiles of a rectangle that is not empty; returns their number.
+    [[nodiscard]] std::uint32_t cover(std::size_t k, const TileGrid& grid, TileCover& cover) const {
+        cover = gsh::detail::cover_of(rect(k));
+        if (gsh::detail::fits_mask(cover)) { // as gsh::detail::set_mask
+            if (cover.columns == 1 || cover.rows == 1) cover.mask = gsh::detail::whole_mask(cover);
+            else
+                for (int row = 0; row < cover.rows; ++row)
+                    cover.mask |= gsh::detail::row_mask(cover, row, row_first_[row][k], row_end_[row][k]);
+            return static_cast<std::uint32_t>(std::popcount(cover.mask));
+        }
+        // As ellipse_of the splat.
+        const Ellipse<double> ellipse{
+            x[k], y[k], {ux[k], uy[k], vy[k]}, generous(static_cast<double>(static_cast<T>(cut[k])))};
+        std::uint32_t count = 0;
+        for (int row = y0[k]; row < y1[k]; ++row) {
+            int first, end;
+            cover_columns(ellipse, cover, row, grid, first, end);
+            count += static_cast<std::uint32_t>(end - first);
+        }
+        return count;
     }
     /// Member by member: GCC 12 would copy a whole splat through a register, which waits for the stores of its members.
     void put_splat(std::size_t k, const vec3<T>& color, ScreenSplat<T>& to) const {
@@ -122,6 +125,9 @@ private:
     ProjectionParams<double> params_;
     double alpha_min_;
     int columns_, rows_; // of pixels
+    // Columns of tiles that the ellipse meets in each row of its rectangle, if that has several columns and rows, and
+    // at most eight.
+    alignas(64) int row_first_[8][size], row_end_[8][size];
 
     void load(const SplatView<const T>& splats, std::size_t first, std::size_t count) {
         for (std::size_t k = 0; k < count; ++k) {
@@ -181,23 +187,59 @@ private:
 
         const W reach = generous(limit);
         const W width = squared_extent(reach, p.covariance.xx), height = squared_extent(reach, p.covariance.yy);
-        store_tiles(p.mean2d.x, select(kept, width * inverse_sqrt(width), W(-1.0)), columns_, x0 + k, x1 + k);
-        store_tiles(p.mean2d.y, select(kept, height * inverse_sqrt(height), W(-1.0)), rows_, y0 + k, y1 + k);
+        const W half_width = select(kept, width * inverse_sqrt(width), W(-1.0));
+        const W half_height = select(kept, height * inverse_sqrt(height), W(-1.0));
+        const Tiles across = tiles_between(p.mean2d.x - half_width, p.mean2d.x + half_width, columns_, kept);
+        const Tiles down = tiles_between(p.mean2d.y - half_height, p.mean2d.y + half_height, rows_, kept);
+        store_narrowed(across.first, x0 + k), store_narrowed(across.end, x1 + k);
+        store_narrowed(down.first, y0 + k), store_narrowed(down.end, y1 + k);
+        find_columns(k, p.mean2d, w, reach, across, down);
 #endif
     }
 
-    /// The tiles along one axis with a pixel centre within `half` of `at`, as in tile_rect; none for a negative half.
-    static void store_tiles(W at, W half, int pixels, int* first, int* end) {
+    /// A half-open range of tiles along one axis.
+    struct Tiles {
+        W first, end;
+    };
+    using Mask = MaskOf<W>;
+    /// The tiles with a pixel centre in [low, high], as in tile_rect; none where not `kept`.
+    [[nodiscard]] static Tiles tiles_between(W low, W high, int pixels, Mask kept) {
         const W zero(0.0), last(static_cast<double>(pixels)), tile(1.0 / TileGrid::tile_size);
         const auto cut_to_image = [&](W edge) { // 0 for NaN
             const W above = select(edge > zero, edge, zero);
             return select(above < last, above, last);
         };
-        const W from = ceil_positive(cut_to_image(at - half - W(0.5)));
-        const W to = floor_positive(cut_to_image(at + half + W(0.5)));
-        const W first_tile = floor_positive(from * tile), end_tile = ceil_positive(to * tile);
-        store_narrowed(first_tile, first);
-        store_narrowed(select((from < to) & (half >= zero), end_tile, first_tile), end);
+        const W from = ceil_positive(cut_to_image(low - W(0.5))), to = floor_positive(cut_to_image(high + W(0.5)));
+        const W first = floor_positive(from * tile), end = ceil_positive(to * tile);
+        return {first, select((from < to) & kept, end, first)};
+    }
+
+    /// Sets row_first_ and row_end_; as tile_columns.
+    GSH_INLINE void find_columns([[maybe_unused]] std::size_t k, [[maybe_unused]] const vec2<W>& mean2d,
+                                 [[maybe_unused]] const Whitening<W>& w, [[maybe_unused]] W reach,
+                                 [[maybe_unused]] const Tiles& across, [[maybe_unused]] const Tiles& down) {
+#if !defined(__CUDA_ARCH__)
+        const W zero(0.0), one(1.0), most(8.0), side(TileGrid::tile_size);
+        const W columns = across.end - across.first, rows = down.end - down.first;
+        const Mask wanted = (columns > one) & (rows > one) & (columns <= most) & (rows <= most);
+        const W radius = sqrt(reach), shear = w.uy / w.vy, inverse_ux = one / w.ux;
+        const W tip = radius * shear * inverse_sqrt(one + shear * shear);
+        const W last = W(static_cast<double>(rows_) - 0.5) - mean2d.y;
+        for (int row = 0; row < 8; ++row) {
+            const Mask has_row = wanted & (rows > W(static_cast<double>(row)));
+            if (!any(has_row)) break;
+            const W top = (down.first + W(static_cast<double>(row))) * side + W(0.5) - mean2d.y;
+            const W v0 = w.vy * top, v1 = w.vy * min(top + (side - one), last);
+            const W right = clamp(-tip, v0, v1), left = clamp(tip, v0, v1);
+            const W to_right = sqrt(max(reach - right * right, zero)) - shear * right;
+            const W to_left = sqrt(max(reach - left * left, zero)) + shear * left;
+            const Tiles met = tiles_between(mean2d.x - to_left * inverse_ux, mean2d.x + to_right * inverse_ux, columns_,
+                                            has_row & (v0 <= radius) & (v1 >= -radius));
+            const W first = max(met.first, across.first); // the rectangle was rounded differently
+            store_narrowed(first, row_first_[row] + k);
+            store_narrowed(max(min(met.end, across.end), first), row_end_[row] + k);
+        }
+#endif
     }
     [[nodiscard]] static W floor_positive(W number) { // below 2³¹: the integer part, by a sum that rounds
         const W shift(6755399441055744.0), rounded = (number + shift) - shift;
@@ -244,7 +286,7 @@ template <CpuBackend B, std::floating_point T>
                     if (status.nonfinite++ == 0) status.first_nonfinite = static_cast<std::uint32_t>(i);
                 } else if (!rect.empty()) {
                     batch.put_splat(k, splats.colors[i], scratch.splats[i]);
-                    tiles = detail::cover_tiles(batch.ellipse(k), rect, scratch.grid, scratch.covers[i]);
+                    tiles = batch.cover(k, scratch.grid, scratch.covers[i]);
                 }
                 cache.visible[i] = tiles != 0;
                 scratch.pair_begin[i] = static_cast<std::uint32_t>(status.pairs);

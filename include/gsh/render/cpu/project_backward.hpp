@@ -183,6 +183,11 @@ void project_splats_backward(B& backend, const Camera<T>& camera, const SplatVie
         };
         for (std::size_t i = begin; i < end; ++i) {
             cache.screen_gradient_norms[i] = cache.screen_radii[i] = T(0);
+            constexpr std::size_t splats_ahead = 64; // arrays of many bytes a splat; their gradients are written later
+            prefetch(scratch.splats.data() + i + splats_ahead);
+            if (!splats.covariances.empty()) prefetch(splats.covariances.data() + i + splats_ahead);
+            if (!dL_dsplats.covariances.empty()) prefetch_for_write(dL_dsplats.covariances.data() + i);
+            if (!dL_dsplats.means.empty()) prefetch_for_write(dL_dsplats.means.data() + i);
             if (!cache.visible[i]) continue;
             T sum[slot_size<true>] = {};
             for (std::size_t pair = scratch.pair_begin[i]; pair < scratch.pair_begin[i + 1]; ++pair) {

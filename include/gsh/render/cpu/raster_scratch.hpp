@@ -37,6 +37,13 @@ struct SortItem {
     std::uint32_t splat;
 };
 
+namespace detail {
+/// A pair of a tile and a splat, and its number.
+struct PairRecord {
+    std::uint32_t tile, splat, pair;
+};
+} // namespace detail
+
 } // namespace cpu
 
 template <CpuBackend B, std::floating_point T>
@@ -63,6 +70,8 @@ struct RasterScratch<B, T> {
     // Used within one pass.
     Buffer<cpu::SortItem<Key>> items, items_scratch; // [N]
     Buffer<std::uint32_t> histograms;
+    Buffer<cpu::detail::PairRecord> records;         // [pairs] in depth order of the splats
+    Buffer<std::uint32_t> chunk_pairs;               // where the records of each chunk begin
     Buffer<RasterStatus> chunk_status;
     Buffer<T> slots; // [pairs, slot_size] share of each tile in the gradient of each of its splats, as in `instances`
     std::size_t slot_size = 0;

@@ -65,7 +65,19 @@ struct TilePlace {
         width = grid.width - x < size ? grid.width - x : size;
         height = grid.height - y < size ? grid.height - y : size;
     }
+    [[nodiscard]] bool is_whole() const { return width == TileGrid::tile_size && height == TileGrid::tile_size; }
 };
+
+/// True if some pixel of a block has at least this product of (1 - alpha).
+template <class T>
+[[nodiscard]] bool any_reaches([[maybe_unused]] const Lanes<T>& product, [[maybe_unused]] T least) {
+    bool reaches = false;
+#if !defined(__CUDA_ARCH__) // in its pass for the device, nvcc parses host code, too, and refuses vectors of registers
+    using W = Wide<T>;
+    for (std::size_t l = 0; l < block_lanes; l += W::width) reaches |= any(W::load(&product[l]) >= W(least));
+#endif
+    return reaches;
+}
 
 /// A splat in tile coordinates: u, v are those of the centre of the first pixel.
 template <class T>
@@ -183,6 +195,10 @@ private:
 template <class T>
 [[nodiscard]] Lanes<T> initial_transmittance(const TilePlace& tile, std::size_t block) {
     Lanes<T> transmittance;
+    if (tile.is_whole()) {
+        transmittance.fill(T(1));
+        return transmittance;
+    }
     for (std::size_t l = 0; l < block_lanes; ++l) {
         const bool inside = pixel_coordinates<int, false>[block][l] < tile.width &&
                             pixel_coordinates<int, true>[block][l] < tile.height;
