@@ -94,6 +94,7 @@
 #include <gsh/body/surface_fill.hpp>
 #include <gsh/body/surface_interpolation.hpp>
 #include <gsh/body/surface_samples.hpp>
+#include <gsh/body/thinned_interpolation.hpp>
 #include <gsh/body/thinned_samples.hpp>
 #include <gsh/body/trunk_frames.hpp>
 #include <gsh/body/turned_limbs.hpp>
