@@ -40,8 +40,8 @@ struct FieldOcclusionParams {
     double largest = 2; ///< upper bound of ao; above 1, ao can also brighten the colours learned before it began
     double initial = 1; ///< ao of every Gaussian before the first step
     double rate = 5e-3; ///< of table and network
-    /// Of an occlusion over the time: the most points at which the field is evaluated. Of more Gaussians, each gets what
-    /// the nearest of an even part of them have. 0: all.
+    /// Of an occlusion over the time: the most points at which the field is evaluated. If there are more Gaussians,
+    /// each gets what the nearest of an even part of them have. 0: all.
     int most_points = 0;
     std::uint64_t seed = 0;
 

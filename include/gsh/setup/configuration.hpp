@@ -165,11 +165,11 @@ inline constexpr std::string_view default_configuration = "light";
     else if (name == "light") {
         c.avatar.light = true;
         c.avatar.model.sh_start = 0.3; // when gains have been found
-        // What no light explains, such as folds of cloth; a small field, which leaves the rest to the light.
+        // A small field takes what no light explains, such as folds of cloth, once light and colours have settled.
         c.avatar.occlusion.width = 16;
         c.avatar.occlusion.grid.table_size = 1u << 14;
         c.avatar.occlusion.most_points = 8192;
-        c.avatar.model.occlusion_start = 0.3;
+        c.avatar.model.occlusion_start = 0.5;
         c.train.gain.rate = 0.03;
         c.schedule = ScheduleParams{.stride = 2, .all_points = 0.1, .stored = 0.2};
         // A run has stages so that it can be short. In a tenth of the steps of 3DGS, each of them must lead further.
