@@ -5,20 +5,111 @@
 /// belongs to whoever made it, and no exception crosses the border.
 #pragma once
 
+#include <cstdint>
+
 namespace gsh_python {
 
 /// A function that can fail returns one of these.
 enum Status : int {
     done = 0,
-    bad_value = 1,     ///< an argument is wrong
-    failed = 2,        ///< anything else
+    bad_value = 1, ///< an argument is wrong
+    failed = 2,    ///< anything else
     out_of_memory = 3,
 };
 
+/// Sizes of a call. Arrays are contiguous, of float (scalar_bytes 4) or double (8); null pointers are skipped.
+struct Sizes {
+    std::int64_t batches, cameras, count; ///< B, C, N
+    int scalar_bytes, threads;
+};
+
+struct SplatArrays {
+    const void *means;          // [B, N, 3]
+    const void *quats, *scales; // [B, N, 4], [B, N, 3]; both null with covars
+    const void *covars;         // [B, N, 6] xx xy xz yy yz zz
+    const void *opacities;      // [B, N]
+};
+struct SplatGradients {
+    void *means, *quats, *scales, *covars;
+};
+
+struct CameraArrays {
+    const void *viewmats; // [B, C, 4, 4] camera from world
+    const void *Ks;       // [B, C, 3, 3]
+    int width, height;
+};
+struct CameraGradients {
+    void *viewmats, *Ks;
+};
+
+struct ProjectionSettings {
+    double eps2d, near_plane, far_plane, radius_clip;
+    int compensate; ///< rasterize_mode "antialiased"
+};
+
+struct ProjectedArrays {
+    std::int32_t *radii;  // [B, C, N, 2]; 0 for a splat that is culled, as are its other numbers
+    void *means2d;        // [B, C, N, 2]
+    void *depths;         // [B, C, N]
+    void *conics;         // [B, C, N, 3]
+    void *compensations;  // [B, C, N]
+};
+struct ProjectedGradients {
+    const void *means2d, *depths, *conics, *compensations;
+};
+
+struct ColorArrays {
+    const void *colors;      // [B, N, D], or [B, C, N, D] if per_camera
+    const void *backgrounds; // [B, C, D]
+    int channels;            ///< D; 0 for depth alone
+    int per_camera;
+};
+
+/// Image gradients; strides in numbers, of images, rows, columns and channels.
+struct ImageGradients {
+    const void *render; // [B * C, height, width, D + with_depth]
+    std::int64_t render_strides[4];
+    const void *alphas; // [B * C, height, width]
+    std::int64_t alpha_strides[3];
+};
+/// Gradients that rasterize_backward adds to.
+struct ScreenGradients {
+    void *means2d, *depths, *conics, *opacities; // as in ProjectedArrays; opacities [B, C, N] after compensation
+    void *colors, *backgrounds;                  // as in ColorArrays
+    void *absolute_means2d;                      // [B, C, N, 2]
+};
+
+/// Sizes of a call for spherical harmonics: dirs [count, 3], coeffs [count, rows, 3] of which those up to the degree
+/// count, masks [count] or null, colours [count, 3].
+struct ShSizes {
+    std::int64_t count, rows;
+    int degree, scalar_bytes, threads;
+};
+
 struct Api {
-    const char* refusal;                ///< why the library cannot run here, or null: then the functions are set
+    const char* refusal; ///< why the library cannot run here, or null: then the functions are set
     const char* instruction_set;
-    const char* (*last_error)();        ///< of the calling thread's last call that failed
+    const char* (*last_error)(); ///< of the calling thread's last call that failed
+
+    int (*project)(const Sizes&, const SplatArrays&, const CameraArrays&, const ProjectionSettings&,
+                   const ProjectedArrays&);
+    /// Adds to the gradients. `radii`: those of project.
+    int (*project_backward)(const Sizes&, const SplatArrays&, const CameraArrays&, const ProjectionSettings&,
+                            const std::int32_t* radii, const ProjectedGradients&, const SplatGradients&,
+                            const CameraGradients&);
+    /// render [B, C, height, width, D + with_depth], alphas [B, C, height, width]; *pass is for rasterize_backward, and
+    /// then for release.
+    int (*rasterize)(const Sizes&, const SplatArrays&, const CameraArrays&, const ProjectionSettings&,
+                     const std::int32_t* radii, const ColorArrays&, int with_depth, void* render, void* alphas,
+                     void** pass);
+    int (*rasterize_backward)(void* pass, int threads, const ImageGradients&, const ScreenGradients&);
+    void (*release)(void* pass);
+    int (*spherical_harmonics)(const ShSizes&, const void* dirs, const void* coeffs, const std::uint8_t* masks,
+                               void* colors);
+    /// Adds to the gradients; either may be null.
+    int (*spherical_harmonics_backward)(const ShSizes&, const void* dirs, const void* coeffs, const std::uint8_t* masks,
+                                        const void* dL_dcolors, void* dL_ddirs, void* dL_dcoeffs);
+    void (*release_memory)(); ///< frees what released passes hold for the next ones
 };
 
 } // namespace gsh_python

@@ -4,10 +4,11 @@
 #include "interface.hpp"
 
 extern "C" const gsh_python::Api* gsh_python_api() {
-    static constexpr gsh_python::Api api{
-        .refusal = "gsh: this processor has none of the instruction sets that the package was built for "
-                   "(" GSH_PYTHON_LEVELS "), or glibc is older than 2.33",
-        .instruction_set = "",
-        .last_error = nullptr};
+    static const gsh_python::Api api = [] {
+        gsh_python::Api none{};
+        none.refusal = "gsh: this processor has none of the instruction sets that the package was built for "
+                       "(" GSH_PYTHON_LEVELS "), or glibc is older than 2.33";
+        return none;
+    }();
     return &api;
 }

@@ -3,11 +3,23 @@
 
 #include "interface.hpp"
 #include "library/errors.hpp"
+#include "library/projection.hpp"
+#include "library/rasterization.hpp"
+#include "library/shading.hpp"
 
 #include <gsh/core/config.hpp>
 
 extern "C" const gsh_python::Api* gsh_python_api() {
-    static constexpr gsh_python::Api api{
-        .refusal = nullptr, .instruction_set = GSH_TEXT(GSH_ISA), .last_error = &gsh_python::last_error};
+    static constexpr gsh_python::Api api{.refusal = nullptr,
+                                         .instruction_set = GSH_TEXT(GSH_ISA),
+                                         .last_error = &gsh_python::last_error,
+                                         .project = &gsh_python::project,
+                                         .project_backward = &gsh_python::project_backward,
+                                         .rasterize = &gsh_python::rasterize,
+                                         .rasterize_backward = &gsh_python::rasterize_backward,
+                                         .release = &gsh_python::release,
+                                         .spherical_harmonics = &gsh_python::spherical_harmonics,
+                                         .spherical_harmonics_backward = &gsh_python::spherical_harmonics_backward,
+                                         .release_memory = &gsh_python::release_memory};
     return &api;
 }
