@@ -30,7 +30,7 @@ struct SplatArrays {
     const void *opacities;      // [B, N]
 };
 struct SplatGradients {
-    void *means, *quats, *scales, *covars;
+    void *means, *quats, *scales, *covars, *opacities;
 };
 
 struct CameraArrays {
@@ -53,9 +53,10 @@ struct ProjectedArrays {
     void *depths;         // [B, C, N]
     void *conics;         // [B, C, N, 3]
     void *compensations;  // [B, C, N]
+    void *opacities;      // [B, C, N] times the compensations
 };
 struct ProjectedGradients {
-    const void *means2d, *depths, *conics, *compensations;
+    const void *means2d, *depths, *conics, *compensations, *opacities;
 };
 
 struct ColorArrays {
@@ -72,7 +73,7 @@ struct ImageGradients {
     const void *alphas; // [B * C, height, width]
     std::int64_t alpha_strides[3];
 };
-/// Gradients that rasterize_backward adds to.
+/// Gradients that rasterize_backward writes.
 struct ScreenGradients {
     void *means2d, *depths, *conics, *opacities; // as in ProjectedArrays; opacities [B, C, N] after compensation
     void *colors, *backgrounds;                  // as in ColorArrays
@@ -93,7 +94,7 @@ struct Api {
 
     int (*project)(const Sizes&, const SplatArrays&, const CameraArrays&, const ProjectionSettings&,
                    const ProjectedArrays&);
-    /// Adds to the gradients. `radii`: those of project.
+    /// Writes the gradients. `radii`: those of project.
     int (*project_backward)(const Sizes&, const SplatArrays&, const CameraArrays&, const ProjectionSettings&,
                             const std::int32_t* radii, const ProjectedGradients&, const SplatGradients&,
                             const CameraGradients&);

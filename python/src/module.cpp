@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 /// @file  The extension module gsh._gsh: arrays of Python, by DLPack, for the functions of libgsh-python.
 ///
-/// Its functions are for gsh's own Python code, which checks what users pass and makes the arrays of results. They check
-/// once more that each array has the shape and the type that the library will read or write.
+/// Its functions are for gsh's own Python code, which checks what users pass and makes the arrays of results. They
+/// check once more that each array has the shape and the type that the library will read or write.
 
 #include "interface.hpp"
 
@@ -84,7 +84,8 @@ struct Call {
     std::size_t bytes;
 
     Call(const Array& means, const Array& viewmats, int threads) {
-        if (means.ndim() != 3 || viewmats.ndim() != 4) throw nb::value_error("means is not [B, N, 3], or viewmats not [B, C, 4, 4]");
+        if (means.ndim() != 3 || viewmats.ndim() != 4)
+            throw nb::value_error("means is not [B, N, 3], or viewmats not [B, C, 4, 4]");
         bytes = means.dtype().bits / 8;
         if (bytes != 4 && bytes != 8) throw nb::value_error("means is neither of float32 nor of float64");
         sizes = {static_cast<std::int64_t>(means.shape(0)), static_cast<std::int64_t>(viewmats.shape(1)),
@@ -129,33 +130,38 @@ struct Call {
 void project(const Array& means, const Optional& quats, const Optional& scales, const Optional& covars,
              const Optional& opacities, const Array& viewmats, const Array& Ks, int width, int height,
              const nb::tuple& settings, int threads, const Array& radii, const Array& means2d, const Array& depths,
-             const Array& conics, const Optional& compensations) {
+             const Array& conics, const Optional& compensations, const Optional& screen_opacities) {
     const Call call(means, viewmats, threads);
     const SplatArrays splats = call.splats(means, quats, scales, covars, opacities);
     const CameraArrays cameras = call.cameras(viewmats, Ks, width, height);
     const ProjectedArrays out{call.radii(radii), call.image_array(means2d, "means2d", 2),
                               call.image_array(depths, "depths"), call.image_array(conics, "conics", 3),
-                              call.image_array(compensations, "compensations")};
+                              call.image_array(compensations, "compensations"),
+                              call.image_array(screen_opacities, "screen_opacities")};
     const ProjectionSettings s = settings_of(settings);
     run([&] { return api().project(call.sizes, splats, cameras, s, out); });
 }
 
 void project_backward(const Array& means, const Optional& quats, const Optional& scales, const Optional& covars,
-                      const Array& viewmats, const Array& Ks, int width, int height, const nb::tuple& settings,
+                      const Optional& opacities, const Array& viewmats, const Array& Ks, int width, int height, const nb::tuple& settings,
                       int threads, const Array& radii, const Optional& dL_dmeans2d, const Optional& dL_ddepths,
-                      const Optional& dL_dconics, const Optional& dL_dcompensations, const Optional& dL_dmeans,
-                      const Optional& dL_dquats, const Optional& dL_dscales, const Optional& dL_dcovars,
+                      const Optional& dL_dconics, const Optional& dL_dcompensations,
+                      const Optional& dL_dscreen_opacities, const Optional& dL_dmeans, const Optional& dL_dquats,
+                      const Optional& dL_dscales, const Optional& dL_dcovars, const Optional& dL_dopacities,
                       const Optional& dL_dviewmats, const Optional& dL_dKs) {
     const Call call(means, viewmats, threads);
-    const SplatArrays splats = call.splats(means, quats, scales, covars, std::nullopt);
+    const SplatArrays splats = call.splats(means, quats, scales, covars, opacities);
+    if (dL_dscreen_opacities && !opacities) throw nb::value_error("opacities is not given");
     const CameraArrays cameras = call.cameras(viewmats, Ks, width, height);
     const std::int64_t b = call.sizes.batches, c = call.sizes.cameras, n = call.sizes.count;
     const ProjectedGradients dL{call.image_array(dL_dmeans2d, "dL_dmeans2d", 2),
                                 call.image_array(dL_ddepths, "dL_ddepths"),
                                 call.image_array(dL_dconics, "dL_dconics", 3),
-                                call.image_array(dL_dcompensations, "dL_dcompensations")};
+                                call.image_array(dL_dcompensations, "dL_dcompensations"),
+                                call.image_array(dL_dscreen_opacities, "dL_dscreen_opacities")};
     const SplatGradients out{call(dL_dmeans, "dL_dmeans", {b, n, 3}), call(dL_dquats, "dL_dquats", {b, n, 4}),
-                             call(dL_dscales, "dL_dscales", {b, n, 3}), call(dL_dcovars, "dL_dcovars", {b, n, 6})};
+                             call(dL_dscales, "dL_dscales", {b, n, 3}), call(dL_dcovars, "dL_dcovars", {b, n, 6}),
+                             call(dL_dopacities, "dL_dopacities", {b, n})};
     const CameraGradients camera_out{call(dL_dviewmats, "dL_dviewmats", {b, c, 4, 4}),
                                      call(dL_dKs, "dL_dKs", {b, c, 3, 3})};
     const std::int32_t* const r = call.radii(radii);
@@ -240,7 +246,8 @@ struct ShCall {
         const auto n = static_cast<std::int64_t>(dir.shape(0)), rows = static_cast<std::int64_t>(coeff.shape(1));
         check_array(dir, "dirs", {n, 3}, false, bytes);
         check_array(coeff, "coeffs", {n, rows, 3}, false, bytes);
-        if (degree < 0 || (degree + 1) * (degree + 1) > rows) throw nb::value_error("coeffs has too few rows for the degree");
+        if (degree < 0 || (degree + 1) * (degree + 1) > rows)
+            throw nb::value_error("coeffs has too few rows for the degree");
         if (mask) {
             if (mask->ndim() != 1 || mask->shape(0) != dir.shape(0) || mask->dtype().bits != 8 ||
                 (n > 1 && mask->stride(0) != 1))
@@ -268,9 +275,11 @@ void spherical_harmonics_backward(int degree, const Array& dirs, const Array& co
     if (dL_ddirs) check_array(*dL_ddirs, "dL_ddirs", {call.sizes.count, 3}, false, call.bytes);
     if (dL_dcoeffs) check_array(*dL_dcoeffs, "dL_dcoeffs", {call.sizes.count, call.sizes.rows, 3}, false, call.bytes);
     const void* const dL = dL_dcolors.data();
-    void *const to_dirs = dL_ddirs ? dL_ddirs->data() : nullptr, *const to_coeffs = dL_dcoeffs ? dL_dcoeffs->data() : nullptr;
+    void* const to_dirs = dL_ddirs ? dL_ddirs->data() : nullptr;
+    void* const to_coeffs = dL_dcoeffs ? dL_dcoeffs->data() : nullptr;
     run([&] {
-        return api().spherical_harmonics_backward(call.sizes, call.dirs, call.coeffs, call.masks, dL, to_dirs, to_coeffs);
+        return api().spherical_harmonics_backward(call.sizes, call.dirs, call.coeffs, call.masks, dL, to_dirs,
+                                                  to_coeffs);
     });
 }
 
@@ -283,13 +292,14 @@ NB_MODULE(_gsh, m) {
     m.def("project", &project, nb::arg("means"), nb::arg("quats").none(), nb::arg("scales").none(),
           nb::arg("covars").none(), nb::arg("opacities").none(), nb::arg("viewmats"), nb::arg("Ks"), nb::arg("width"),
           nb::arg("height"), nb::arg("settings"), nb::arg("threads"), nb::arg("radii"), nb::arg("means2d"),
-          nb::arg("depths"), nb::arg("conics"), nb::arg("compensations").none());
+          nb::arg("depths"), nb::arg("conics"), nb::arg("compensations").none(), nb::arg("screen_opacities").none());
     m.def("project_backward", &project_backward, nb::arg("means"), nb::arg("quats").none(), nb::arg("scales").none(),
-          nb::arg("covars").none(), nb::arg("viewmats"), nb::arg("Ks"), nb::arg("width"), nb::arg("height"),
-          nb::arg("settings"), nb::arg("threads"), nb::arg("radii"), nb::arg("dL_dmeans2d").none(),
+          nb::arg("covars").none(), nb::arg("opacities").none(), nb::arg("viewmats"), nb::arg("Ks"), nb::arg("width"),
+          nb::arg("height"), nb::arg("settings"), nb::arg("threads"), nb::arg("radii"), nb::arg("dL_dmeans2d").none(),
           nb::arg("dL_ddepths").none(), nb::arg("dL_dconics").none(), nb::arg("dL_dcompensations").none(),
-          nb::arg("dL_dmeans").none(), nb::arg("dL_dquats").none(), nb::arg("dL_dscales").none(),
-          nb::arg("dL_dcovars").none(), nb::arg("dL_dviewmats").none(), nb::arg("dL_dKs").none());
+          nb::arg("dL_dscreen_opacities").none(), nb::arg("dL_dmeans").none(), nb::arg("dL_dquats").none(),
+          nb::arg("dL_dscales").none(), nb::arg("dL_dcovars").none(), nb::arg("dL_dopacities").none(),
+          nb::arg("dL_dviewmats").none(), nb::arg("dL_dKs").none());
     m.def("rasterize", &rasterize, nb::arg("means"), nb::arg("quats").none(), nb::arg("scales").none(),
           nb::arg("covars").none(), nb::arg("opacities"), nb::arg("viewmats"), nb::arg("Ks"), nb::arg("width"),
           nb::arg("height"), nb::arg("settings"), nb::arg("threads"), nb::arg("radii"), nb::arg("colors").none(),

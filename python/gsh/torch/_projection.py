@@ -28,7 +28,7 @@ class ProjectionCall:
         self.covars = flat(covars, B, N, 6)
         self.opacities = flat(opacities, B, N)
         self.viewmats, self.Ks = flat(viewmats, B, C, 4, 4), flat(Ks, B, C, 3, 3)
-        self.radii = None
+        self.radii = self.ids = None
 
     @property
     def compensates(self):
@@ -41,16 +41,43 @@ class ProjectionCall:
         return torch.empty((self.B, self.C, self.N) + numbers, dtype=self.means.dtype)
 
     def project(self):
-        """radii, means2d, depths, conics, compensations as [B, C, N, ...]; the last is None without compensation."""
+        """radii, means2d, depths, conics, compensations, opacities as [B, C, N, ...]; the last two may be None."""
         self.radii = torch.empty((self.B, self.C, self.N, 2), dtype=torch.int32)
         means2d, depths, conics = self.empty(2), self.empty(), self.empty(3)
         compensations = self.empty() if self.compensates else None
+        opacities = None if self.opacities is None else self.empty()
         try:
             _gsh.project(self.means, *self.shapes(), self.opacities, self.viewmats, self.Ks, self.width, self.height,
-                         self.settings, torch.get_num_threads(), self.radii, means2d, depths, conics, compensations)
+                         self.settings, torch.get_num_threads(), self.radii, means2d, depths, conics, compensations,
+                         opacities)
         except ValueError as error:
             self.explain(error)
-        return self.radii, means2d, depths, conics, compensations
+        return self.radii, means2d, depths, conics, compensations, opacities
+
+    def find_packed(self):
+        """Sets the indices in [B * C * N] of the Gaussians that are not culled."""
+        self.ids = (self.radii > 0).all(dim=-1).reshape(-1).nonzero()[:, 0]
+
+    def packed_ids(self):
+        """batch_ids, camera_ids, gaussian_ids of the packed Gaussians."""
+        image = torch.div(self.ids, max(self.N, 1), rounding_mode="floor")
+        return torch.div(image, self.C, rounding_mode="floor"), image % self.C, self.ids - image * self.N
+
+    def result(self, numbers):
+        """An array [B, C, N, ...] in the shape that users see: [..., C, N, ...], or packed."""
+        if self.ids is None:
+            return numbers.reshape(self.batch + numbers.shape[1:])
+        return numbers.reshape((-1,) + numbers.shape[3:]).index_select(0, self.ids)
+
+    def unpacked(self, gradient):
+        """The gradient of a result as a contiguous array [B, C, N, ...]; None stays None."""
+        if gradient is None:
+            return None
+        dims = (self.B, self.C, self.N)
+        if self.ids is None:
+            return gradient.reshape(dims + gradient.shape[len(self.batch) + 2:]).contiguous()
+        full = torch.zeros((self.B * self.C * self.N,) + gradient.shape[1:], dtype=gradient.dtype)
+        return full.index_copy_(0, self.ids, gradient).reshape(dims + gradient.shape[1:])
 
     def explain(self, error, **others):
         batch, cameras = self.batch, self.batch + (self.C,)
@@ -64,24 +91,21 @@ class ProjectionCall:
                 viewmats=shaped(self.viewmats, cameras), Ks=shaped(self.Ks, cameras), **others)
 
 
-def dense(gradient, shape):
-    """A gradient as a contiguous array of this shape; None stays None."""
-    return None if gradient is None else gradient.reshape(shape).contiguous()
-
-
 class Project(torch.autograd.Function):
-    """(means, quats, scales, covars, viewmats, Ks) -> (radii, means2d, depths, conics, compensations)."""
+    """(means, quats, scales, covars, opacities, viewmats, Ks) ->
+    (radii, means2d, depths, conics, compensations, opacities), as ``call.result`` shapes them."""
 
     @staticmethod
-    def forward(ctx, means, quats, scales, covars, viewmats, Ks, call):
+    def forward(ctx, means, quats, scales, covars, opacities, viewmats, Ks, call, packed):
         ctx.set_materialize_grads(False)
-        ctx.save_for_backward(means, quats, scales, covars, viewmats, Ks) # so that torch sees changes in place
+        ctx.save_for_backward(means, quats, scales, covars, opacities, viewmats, Ks) # torch then sees changes in place
         ctx.call = call
-        radii, *numbers = call.project()
-        dims = call.batch + (call.C, call.N)
-        radii = radii.reshape(dims + (2,))
-        ctx.mark_non_differentiable(radii)
-        return (radii,) + tuple(None if t is None else t.reshape(dims + t.shape[3:]) for t in numbers)
+        numbers = call.project()
+        if packed:
+            call.find_packed()
+        results = tuple(None if t is None else call.result(t) for t in numbers)
+        ctx.mark_non_differentiable(results[0])
+        return results
 
     @staticmethod
     @once_differentiable
@@ -89,17 +113,13 @@ class Project(torch.autograd.Function):
         call = ctx.call
         inputs = ctx.saved_tensors
         if all(g is None for g in gradients):
-            return (None,) * 7
-        dims = (call.B, call.C, call.N)
-        dL_dmeans2d, dL_ddepths, dL_dconics, dL_dcompensations = (
-            dense(g, dims + numbers) for g, numbers in zip(gradients, ((2,), (), (3,), ())))
-        flat = (call.means, call.quats, call.scales, call.covars, call.viewmats, call.Ks)
-        out = [torch.zeros_like(t) if t is not None and needed else None
+            return (None,) * 9
+        flat = (call.means, call.quats, call.scales, call.covars, call.opacities, call.viewmats, call.Ks)
+        out = [torch.empty_like(t) if t is not None and needed else None
                for t, needed in zip(flat, ctx.needs_input_grad)]
-        _gsh.project_backward(call.means, *call.shapes(), call.viewmats, call.Ks, call.width, call.height,
-                              call.settings, torch.get_num_threads(), call.radii, dL_dmeans2d, dL_ddepths, dL_dconics,
-                              dL_dcompensations, *out)
-        return tuple(None if g is None else g.reshape(t.shape) for g, t in zip(out, inputs)) + (None,)
+        _gsh.project_backward(*flat, call.width, call.height, call.settings, torch.get_num_threads(), call.radii,
+                              *(call.unpacked(g) for g in gradients), *out)
+        return tuple(None if g is None else g.reshape(t.shape) for g, t in zip(out, inputs)) + (None, None)
 
 
 def check_splats(where, means, quats, scales, covars, opacities, viewmats, Ks, width, height):
@@ -137,15 +157,5 @@ def fully_fused_projection(means, covars, quats, scales, viewmats, Ks, width, he
         quats = scales = None
     settings = (float(eps2d), float(near_plane), float(far_plane), float(radius_clip), bool(calc_compensations))
     call = ProjectionCall(where, means, quats, scales, covars, opacities, viewmats, Ks, width, height, settings)
-    results = Project.apply(means, quats, scales, covars, viewmats, Ks, call)
-    if not packed:
-        return results
-    return pack(call, results)
-
-
-def pack(call, results):
-    """(batch_ids, camera_ids, gaussian_ids) and the rows of ``results`` of the Gaussians that are not culled."""
-    ids = (call.radii > 0).all(dim=-1).reshape(-1).nonzero()[:, 0]
-    image = torch.div(ids, call.N, rounding_mode="floor") if call.N else ids
-    return (torch.div(image, call.C, rounding_mode="floor"), image % call.C, ids - image * call.N) + tuple(
-        None if t is None else t.reshape((-1,) + t.shape[len(call.batch) + 2:])[ids] for t in results)
+    results = Project.apply(means, quats, scales, covars, opacities, viewmats, Ks, call, bool(packed))[:5]
+    return call.packed_ids() + results if packed else results

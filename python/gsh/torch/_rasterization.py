@@ -8,7 +8,7 @@ from torch.autograd.function import once_differentiable
 
 from .. import _gsh
 from ._checks import check_choice, check_tensor, refuse
-from ._projection import Project, ProjectionCall, check_splats, pack
+from ._projection import Project, ProjectionCall, check_splats
 from ._sh import spherical_harmonics
 
 
@@ -16,15 +16,14 @@ class Blend(torch.autograd.Function):
     """(means2d, depths, conics, opacities, colors, backgrounds) -> (render, alphas).
 
     Forward rasterizes the Gaussians of ``call``, which the first four come from, in one go. These four are the way of
-    the gradient. With ``ids`` they are packed, rows of [B, C, N].
+    the gradient.
     """
 
     @staticmethod
-    def forward(ctx, means2d, depths, conics, opacities, colors, backgrounds, call, with_depth, absgrad, ids):
+    def forward(ctx, means2d, depths, conics, opacities, colors, backgrounds, call, with_depth, absgrad):
         ctx.set_materialize_grads(False)
         ctx.save_for_backward(colors, backgrounds)
-        ctx.shapes = means2d.shape, depths.shape, conics.shape, opacities.shape
-        ctx.call, ctx.with_depth, ctx.ids = call, with_depth, ids
+        ctx.call, ctx.with_depth = call, with_depth
         ctx.means2d = means2d if absgrad else None
         B, C, N = call.B, call.C, call.N
         ctx.channels, ctx.per_camera = 0, False
@@ -52,22 +51,22 @@ class Blend(torch.autograd.Function):
     @staticmethod
     @once_differentiable
     def backward(ctx, dL_drender, dL_dalphas):
-        call, ids = ctx.call, ctx.ids
+        call = ctx.call
         if dL_drender is None and dL_dalphas is None:
-            return (None,) * 10
+            return (None,) * 9
         colors, backgrounds = ctx.saved_tensors
         B, C, N = call.B, call.C, call.N
         needs = ctx.needs_input_grad
 
-        def zeros(needed, *shape):
-            return torch.zeros(shape, dtype=call.means.dtype) if needed else None
+        def empty(needed, *shape):
+            return torch.empty(shape, dtype=call.means.dtype) if needed else None
 
-        dL_dmeans2d, dL_ddepths = zeros(needs[0], B, C, N, 2), zeros(needs[1] and ctx.with_depth, B, C, N)
-        dL_dconics, dL_dopacities = zeros(needs[2], B, C, N, 3), zeros(needs[3], B, C, N)
+        dL_dmeans2d, dL_ddepths = empty(needs[0], B, C, N, 2), empty(needs[1] and ctx.with_depth, B, C, N)
+        dL_dconics, dL_dopacities = empty(needs[2], B, C, N, 3), empty(needs[3], B, C, N)
         channels = ctx.channels
-        dL_dcolors = zeros(needs[4], *((B, C, N) if ctx.per_camera else (B, N)), channels)
-        dL_dbackgrounds = zeros(needs[5], B, C, channels)
-        absolute = zeros(ctx.means2d is not None, B, C, N, 2)
+        dL_dcolors = empty(needs[4], *((B, C, N) if ctx.per_camera else (B, N)), channels)
+        dL_dbackgrounds = empty(needs[5], B, C, channels)
+        absolute = empty(ctx.means2d is not None, B, C, N, 2)
         image = (B * C, call.height, call.width)
         if dL_drender is not None:
             dL_drender = dL_drender.reshape(image + dL_drender.shape[-1:])
@@ -78,17 +77,14 @@ class Blend(torch.autograd.Function):
                                 dL_dalphas, dL_dmeans2d, dL_ddepths, dL_dconics, dL_dopacities, dL_dcolors,
                                 dL_dbackgrounds, absolute)
 
-        def as_input(gradient, shape, numbers=()):
-            if gradient is None:
-                return None
-            return gradient.reshape(shape) if ids is None else gradient.reshape((-1,) + numbers)[ids]
+        def result(gradient):
+            return None if gradient is None else call.result(gradient)
 
-        s = ctx.shapes
         if absolute is not None:
-            ctx.means2d.absgrad = as_input(absolute, s[0], (2,))
-        return (as_input(dL_dmeans2d, s[0], (2,)), as_input(dL_ddepths, s[1]), as_input(dL_dconics, s[2], (3,)),
-                as_input(dL_dopacities, s[3]), None if dL_dcolors is None else dL_dcolors.reshape(colors.shape),
-                None if dL_dbackgrounds is None else dL_dbackgrounds.reshape(backgrounds.shape)) + (None,) * 4
+            ctx.means2d.absgrad = result(absolute)
+        return (result(dL_dmeans2d), result(dL_ddepths), result(dL_dconics), result(dL_dopacities),
+                None if dL_dcolors is None else dL_dcolors.reshape(colors.shape),
+                None if dL_dbackgrounds is None else dL_dbackgrounds.reshape(backgrounds.shape), None, None, None)
 
 
 def _is_global_shutter(shutter):
@@ -147,27 +143,19 @@ def rasterization(means, quats, scales, opacities, colors, viewmats, Ks, width, 
     settings = (float(eps2d), float(near_plane), float(far_plane), float(radius_clip),
                 rasterize_mode == "antialiased")
     call = ProjectionCall(where, means, quats, scales, covars, opacities, viewmats, Ks, width, height, settings)
-    radii, means2d, depths, conics, compensations = projected = Project.apply(
-        means, quats, scales, covars, viewmats, Ks, call)
-
-    on_image = opacities[..., None, :].expand(batch + (C, N))
+    radii, means2d, depths, conics, _, on_image = Project.apply(means, quats, scales, covars, opacities, viewmats, Ks,
+                                                                call, bool(packed))
+    batch_ids, camera_ids, gaussian_ids = call.packed_ids() if packed else (None, None, None)
     if sh_degree is not None:
         centers = torch.inverse(viewmats)[..., :3, 3]
         directions = means[..., None, :, :] - centers[..., None, :]
         coefficients = colors if per_camera else colors[..., None, :, :, :].expand(batch + (C,) + colors.shape[-3:])
-        colors = spherical_harmonics(sh_degree, directions, coefficients, masks=(radii > 0).all(dim=-1))
+        visible = (call.radii > 0).all(dim=-1).reshape(batch + (C, N))
+        colors = spherical_harmonics(sh_degree, directions, coefficients, masks=visible)
         colors = torch.clamp_min(colors + 0.5, 0.0)
-    batch_ids = camera_ids = gaussian_ids = ids = None
-    if packed:
-        batch_ids, camera_ids, gaussian_ids, radii, means2d, depths, conics, compensations = pack(call, projected)
-        ids = (batch_ids * C + camera_ids) * N + gaussian_ids
-        on_image = on_image.reshape(-1)[ids]
-    if compensations is not None:
-        on_image = on_image * compensations
-
     with_color, with_depth = render_mode.startswith("RGB"), render_mode != "RGB"
     render, alphas = Blend.apply(means2d, depths, conics, on_image, colors if with_color else None,
-                                 backgrounds if with_color else None, call, with_depth, bool(absgrad), ids)
+                                 backgrounds if with_color else None, call, with_depth, bool(absgrad))
     if render_mode.endswith("ED"):
         depth = render[..., -1:] / alphas.clamp(min=1e-10)
         render = torch.cat((render[..., :-1], depth), dim=-1) if with_color else depth

@@ -12,6 +12,7 @@
 #include <gsh/render/projection.hpp>
 #include <gsh/render/screen_gradient.hpp>
 
+#include <algorithm>
 #include <atomic>
 #include <vector>
 
@@ -107,7 +108,7 @@ void project_image(cpu::Threads& backend, const Sizes& sizes, const SplatArrays&
     };
     std::int32_t* const radii = out.radii + 2 * first;
     T *const means2d = at(out.means2d, 2), *const depths = at(out.depths, 1), *const conics = at(out.conics, 3);
-    T* const compensations = at(out.compensations, 1);
+    T *const compensations = at(out.compensations, 1), *const opacities_out = at(out.opacities, 1);
     std::atomic<bool> finite = true;
     backend.for_chunks(n, grain, [&](std::size_t, std::size_t begin, std::size_t end) {
         W nonfinite(0.0); // 0, or NaN
@@ -117,7 +118,7 @@ void project_image(cpu::Threads& backend, const Sizes& sizes, const SplatArrays&
             const auto shape = shapes(lanes);
             const Projection<W> p = gsh::project(wide_camera, mean, shape, params);
             const W opacity = opacities ? lanes.load(opacities, 1, 0) * p.opacity_factor : W(1.0);
-            nonfinite += (mean.x + mean.y + mean.z + sum_of(shape) + (opacities ? lanes.load(opacities, 1, 0) : W(0.0))) * W(0.0);
+            nonfinite += (mean.x + mean.y + mean.z + sum_of(shape) + opacity) * W(0.0);
             const Radii r(p, opacity, camera, settings);
             const W zero(0.0), inverse = W(1.0) / p.determinant;
             const auto put = [&](W numbers, auto* to, std::size_t stride, std::size_t k) {
@@ -128,7 +129,7 @@ void project_image(cpu::Threads& backend, const Sizes& sizes, const SplatArrays&
             put(p.depth, depths, 1, 0);
             put(p.covariance.yy * inverse, conics, 3, 0), put(-p.covariance.xy * inverse, conics, 3, 1);
             put(p.covariance.xx * inverse, conics, 3, 2);
-            put(p.opacity_factor, compensations, 1, 0);
+            put(p.opacity_factor, compensations, 1, 0), put(opacity, opacities_out, 1, 0);
         }
         if (any(nonfinite != W(0.0))) finite = false;
     });
@@ -191,17 +192,30 @@ void project_image_backward(cpu::Threads& backend, const Sizes& sizes, const Spl
     };
     const std::int32_t* const radii = all_radii + 2 * first;
     const T *const dL_dmeans2d = at(dL.means2d, 2), *const dL_ddepths = at(dL.depths, 1),
-                   *const dL_dconics = at(dL.conics, 3), *const dL_dcompensations = at(dL.compensations, 1);
-    T* const dL_dmeans = out.means ? static_cast<T*>(out.means) + 3 * offset : nullptr;
+                   *const dL_dconics = at(dL.conics, 3), *const dL_dcompensations = at(dL.compensations, 1),
+                   *const dL_dopacities = at(dL.opacities, 1);
+    const auto of_batch = [&](void* array, std::size_t numbers) {
+        return array ? static_cast<T*>(array) + numbers * offset : nullptr;
+    };
+    T *const dL_dmeans = of_batch(out.means, 3), *const dL_dopacities_out = of_batch(out.opacities, 1);
+    const T* const opacities = splats.opacities ? static_cast<const T*>(splats.opacities) + offset : nullptr;
+    const bool first_camera = image % static_cast<std::size_t>(sizes.cameras) == 0;
     const bool with_camera = camera_out.viewmats || camera_out.Ks;
     std::vector<CameraGradient<double>> chunk_camera(with_camera ? chunk_count(n, grain) : 0);
     backend.for_chunks(n, grain, [&](std::size_t chunk, std::size_t begin, std::size_t end) {
         const W zero(0.0);
         CameraGradient<W> sum{mat3<W>(zero), vec3<W>(zero), zero, zero, zero, zero};
+        if (first_camera) {
+            const auto clear = [&](T* array, std::size_t numbers) {
+                if (array) std::fill(array + numbers * begin, array + numbers * end, T(0));
+            };
+            clear(dL_dmeans, 3), clear(of_batch(out.quats, 4), 4), clear(of_batch(out.scales, 3), 3);
+            clear(of_batch(out.covars, 6), 6), clear(dL_dopacities_out, 1);
+        }
         for (std::size_t i = begin; i < end; i += W::width) {
             const Lanes lanes(i, end);
             const auto kept = lanes.visible(radii);
-            if (!any(kept)) continue;
+            if (!any(kept)) continue; // gradients of numbers of which the forward pass wrote zeros
             const auto load = [&](const T* from, std::size_t stride, std::size_t k) {
                 return from ? select(kept, lanes.load(from, stride, k), zero) : zero;
             };
@@ -212,13 +226,21 @@ void project_image_backward(cpu::Threads& backend, const Sizes& sizes, const Spl
             dL_dp.depth = load(dL_ddepths, 1, 0);
             dL_dp.opacity_factor = load(dL_dcompensations, 1, 0);
             dL_dp.covariance = {zero, zero, zero};
-            if (dL_dconics) {
+            const bool with_factor = dL_dopacities && params.compensate_opacity;
+            if (dL_dconics || with_factor) {
                 const Projection<W> p = gsh::project(camera, mean, shape, params);
+                if (with_factor) {
+                    const W dL_dopacity = load(dL_dopacities, 1, 0);
+                    dL_dp.opacity_factor += dL_dopacity * lanes.load(opacities, 1, 0);
+                    if (dL_dopacities_out) lanes.add(dL_dopacity * p.opacity_factor, dL_dopacities_out, 1, 0);
+                }
                 const W inverse = W(1.0) / p.determinant;
                 const sym2<W> conic{p.covariance.yy * inverse, -p.covariance.xy * inverse, p.covariance.xx * inverse};
-                dL_dp.covariance =
-                    conic_backward(conic, sym2<W>{load(dL_dconics, 3, 0), load(dL_dconics, 3, 1), load(dL_dconics, 3, 2)});
+                const sym2<W> dL_dconic{load(dL_dconics, 3, 0), load(dL_dconics, 3, 1), load(dL_dconics, 3, 2)};
+                dL_dp.covariance = conic_backward(conic, dL_dconic);
             }
+            if (dL_dopacities && !with_factor && dL_dopacities_out)
+                lanes.add(load(dL_dopacities, 1, 0), dL_dopacities_out, 1, 0);
             vec3<W> dL_dmean(zero);
             auto dL_dshape = zero_of(shape);
             CameraGradient<W> of_camera{mat3<W>(zero), vec3<W>(zero), zero, zero, zero, zero};
@@ -246,14 +268,16 @@ void project_image_backward(cpu::Threads& backend, const Sizes& sizes, const Spl
     if (camera_out.viewmats) {
         T* const m = static_cast<T*>(camera_out.viewmats) + 16 * image;
         for (int r = 0; r < 3; ++r) {
-            for (int c = 0; c < 3; ++c) m[4 * r + c] += static_cast<T>(sum.dL_dR[c][r]);
-            m[4 * r + 3] += static_cast<T>(sum.dL_dt[r]);
+            for (int c = 0; c < 3; ++c) m[4 * r + c] = static_cast<T>(sum.dL_dR[c][r]);
+            m[4 * r + 3] = static_cast<T>(sum.dL_dt[r]);
         }
+        std::fill(m + 12, m + 16, T(0));
     }
     if (camera_out.Ks) {
         T* const K = static_cast<T*>(camera_out.Ks) + 9 * image;
-        K[0] += static_cast<T>(sum.dL_dfx), K[4] += static_cast<T>(sum.dL_dfy);
-        K[2] += static_cast<T>(sum.dL_dcx), K[5] += static_cast<T>(sum.dL_dcy);
+        std::fill(K, K + 9, T(0));
+        K[0] = static_cast<T>(sum.dL_dfx), K[4] = static_cast<T>(sum.dL_dfy);
+        K[2] = static_cast<T>(sum.dL_dcx), K[5] = static_cast<T>(sum.dL_dcy);
     }
 }
 

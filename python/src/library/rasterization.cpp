@@ -106,9 +106,15 @@ public:
     }
 
     void backward(B& backend, const ImageGradients& dL, const ScreenGradients& out) override {
-        const std::size_t n = count();
+        const std::size_t n = count(), all = n * image_count();
         const Rasterizer<B, T> rasterizer(backend, params_);
         planes_.resize(5 * plane());
+        const auto clear = [&](void* array, std::size_t numbers) {
+            if (array != nullptr) backend.fill(elements<T, T>(array, 0, numbers), T(0));
+        };
+        clear(out.means2d, 2 * all), clear(out.depths, all), clear(out.conics, 3 * all), clear(out.opacities, all);
+        clear(out.absolute_means2d, 2 * all), clear(out.backgrounds, channels_ * image_count());
+        clear(out.colors, channels_ * (per_camera_ ? all : n * static_cast<std::size_t>(sizes_.batches)));
         for (std::size_t image = 0; image < image_count(); ++image) {
             const std::size_t batch = image / static_cast<std::size_t>(sizes_.cameras);
             for (std::size_t part = 0; part < parts_; ++part) {
