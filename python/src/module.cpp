@@ -233,6 +233,60 @@ void rasterize_backward(const nb::capsule& pass, const Array& means, const Array
     run([&] { return api().rasterize_backward(p, threads, dL, out); });
 }
 
+/// The number of Gaussians with radii [B, C, N, 2] above 0.
+std::int64_t count_visible(const Array& radii) {
+    std::int64_t count = 0;
+    const Sizes sizes{1, 1, static_cast<std::int64_t>(radii.size() / 2), 4, 1};
+    const auto* const r = static_cast<const std::int32_t*>(radii.data());
+    run([&] { return api().find_visible(sizes, r, &count, nullptr, nullptr, nullptr, nullptr); });
+    return count;
+}
+
+/// Writes ids [4, count]: places in [B * C * N], batches, cameras, Gaussians.
+void find_visible(const Array& radii, const Array& ids) {
+    if (radii.ndim() != 4 || ids.ndim() != 2) throw nb::value_error("radii is not [B, C, N, 2], or ids not [4, count]");
+    const Sizes sizes{static_cast<std::int64_t>(radii.shape(0)), static_cast<std::int64_t>(radii.shape(1)),
+                      static_cast<std::int64_t>(radii.shape(2)), 4, 1};
+    check_array(radii, "radii", {sizes.batches, sizes.cameras, sizes.count, 2}, true, 4);
+    std::int64_t count = count_visible(radii);
+    check_array(ids, "ids", {4, count}, true, 8);
+    const auto* const r = static_cast<const std::int32_t*>(radii.data());
+    auto* const to = static_cast<std::int64_t*>(ids.data());
+    const std::int64_t n = count;
+    run([&] { return api().find_visible(sizes, r, &count, to, to + n, to + 2 * n, to + 3 * n); });
+}
+
+/// The rows of two arrays [rows, numbers], of which one has ids.shape[0] rows, in bytes.
+[[nodiscard]] std::int64_t row_bytes(const Array& from, const Array& to, const Array& ids) {
+    check_array(ids, "ids", {static_cast<std::int64_t>(ids.size())}, true, 8);
+    if (from.ndim() != 2 || to.ndim() != 2 || from.shape(1) != to.shape(1) || from.dtype() != to.dtype())
+        throw nb::value_error("from and to are not arrays of rows of the same type and length");
+    const bool integer = from.dtype().code == static_cast<std::uint8_t>(nb::dlpack::dtype_code::Int);
+    for (const Array* array : {&from, &to})
+        check_array(*array, "rows", {static_cast<std::int64_t>(array->shape(0)), static_cast<std::int64_t>(array->shape(1))},
+                    integer, from.dtype().bits / 8);
+    return static_cast<std::int64_t>(from.shape(1) * from.dtype().bits / 8);
+}
+
+/// `ids` are those of find_visible, so that each is the number of a row.
+void gather_rows(const Array& from, const Array& ids, int threads, const Array& to) {
+    const std::int64_t bytes = row_bytes(from, to, ids), count = static_cast<std::int64_t>(ids.size());
+    if (to.shape(0) != ids.size()) throw nb::value_error("to has another number of rows than ids");
+    const auto* const places = static_cast<const std::int64_t*>(ids.data());
+    const void* const source = from.data();
+    void* const target = to.data();
+    run([&] { return api().gather_rows(threads, bytes, places, count, source, target); });
+}
+void scatter_rows(const Array& from, const Array& ids, int threads, const Array& to) {
+    const std::int64_t bytes = row_bytes(from, to, ids), count = static_cast<std::int64_t>(ids.size());
+    if (from.shape(0) != ids.size()) throw nb::value_error("from has another number of rows than ids");
+    const auto* const places = static_cast<const std::int64_t*>(ids.data());
+    const auto rows = static_cast<std::int64_t>(to.shape(0));
+    const void* const source = from.data();
+    void* const target = to.data();
+    run([&] { return api().scatter_rows(threads, bytes, places, count, source, rows, target); });
+}
+
 /// Arrays of spherical harmonics; masks are bytes.
 struct ShCall {
     ShSizes sizes;
@@ -315,5 +369,9 @@ NB_MODULE(_gsh, m) {
     m.def("spherical_harmonics_backward", &spherical_harmonics_backward, nb::arg("degree"), nb::arg("dirs"),
           nb::arg("coeffs"), nb::arg("masks").none(), nb::arg("threads"), nb::arg("dL_dcolors"),
           nb::arg("dL_ddirs").none(), nb::arg("dL_dcoeffs").none());
+    m.def("count_visible", &count_visible, nb::arg("radii"));
+    m.def("find_visible", &find_visible, nb::arg("radii"), nb::arg("ids"));
+    m.def("gather_rows", &gather_rows, nb::arg("from_"), nb::arg("ids"), nb::arg("threads"), nb::arg("to"));
+    m.def("scatter_rows", &scatter_rows, nb::arg("from_"), nb::arg("ids"), nb::arg("threads"), nb::arg("to"));
     m.def("release_memory", [] { api().release_memory(); });
 }

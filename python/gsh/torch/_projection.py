@@ -28,7 +28,7 @@ class ProjectionCall:
         self.covars = flat(covars, B, N, 6)
         self.opacities = flat(opacities, B, N)
         self.viewmats, self.Ks = flat(viewmats, B, C, 4, 4), flat(Ks, B, C, 3, 3)
-        self.radii = self.ids = None
+        self.radii = self.ids = self.packed_ids = None
 
     @property
     def compensates(self):
@@ -55,19 +55,20 @@ class ProjectionCall:
         return self.radii, means2d, depths, conics, compensations, opacities
 
     def find_packed(self):
-        """Sets the indices in [B * C * N] of the Gaussians that are not culled."""
-        self.ids = (self.radii > 0).all(dim=-1).reshape(-1).nonzero()[:, 0]
-
-    def packed_ids(self):
-        """batch_ids, camera_ids, gaussian_ids of the packed Gaussians."""
-        image = torch.div(self.ids, max(self.N, 1), rounding_mode="floor")
-        return torch.div(image, self.C, rounding_mode="floor"), image % self.C, self.ids - image * self.N
+        """Makes the results packed: rows of the Gaussians that are not culled."""
+        ids = torch.empty((4, _gsh.count_visible(self.radii)), dtype=torch.int64)
+        _gsh.find_visible(self.radii, ids)
+        self.ids, *self.packed_ids = ids  # in [B * C * N]; batch_ids, camera_ids, gaussian_ids
 
     def result(self, numbers):
         """An array [B, C, N, ...] in the shape that users see: [..., C, N, ...], or packed."""
         if self.ids is None:
             return numbers.reshape(self.batch + numbers.shape[1:])
-        return numbers.reshape((-1,) + numbers.shape[3:]).index_select(0, self.ids)
+        packed = torch.empty(self.ids.shape + numbers.shape[3:], dtype=numbers.dtype)
+        rows = (-1, math.prod(numbers.shape[3:]))
+        if len(packed):
+            _gsh.gather_rows(numbers.view(rows), self.ids, torch.get_num_threads(), packed.view(rows))
+        return packed
 
     def unpacked(self, gradient):
         """The gradient of a result as a contiguous array [B, C, N, ...]; None stays None."""
@@ -76,8 +77,13 @@ class ProjectionCall:
         dims = (self.B, self.C, self.N)
         if self.ids is None:
             return gradient.reshape(dims + gradient.shape[len(self.batch) + 2:]).contiguous()
-        full = torch.zeros((self.B * self.C * self.N,) + gradient.shape[1:], dtype=gradient.dtype)
-        return full.index_copy_(0, self.ids, gradient).reshape(dims + gradient.shape[1:])
+        numbers = gradient.shape[1:]
+        if not len(gradient):
+            return torch.zeros(dims + numbers, dtype=gradient.dtype)
+        full = torch.empty(dims + numbers, dtype=gradient.dtype)
+        rows = (-1, math.prod(numbers))
+        _gsh.scatter_rows(gradient.contiguous().view(rows), self.ids, torch.get_num_threads(), full.view(rows))
+        return full
 
     def explain(self, error, **others):
         batch, cameras = self.batch, self.batch + (self.C,)
@@ -158,4 +164,4 @@ def fully_fused_projection(means, covars, quats, scales, viewmats, Ks, width, he
     settings = (float(eps2d), float(near_plane), float(far_plane), float(radius_clip), bool(calc_compensations))
     call = ProjectionCall(where, means, quats, scales, covars, opacities, viewmats, Ks, width, height, settings)
     results = Project.apply(means, quats, scales, covars, opacities, viewmats, Ks, call, bool(packed))[:5]
-    return call.packed_ids() + results if packed else results
+    return tuple(call.packed_ids) + results if packed else results

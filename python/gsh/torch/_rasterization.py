@@ -145,7 +145,7 @@ def rasterization(means, quats, scales, opacities, colors, viewmats, Ks, width, 
     call = ProjectionCall(where, means, quats, scales, covars, opacities, viewmats, Ks, width, height, settings)
     radii, means2d, depths, conics, _, on_image = Project.apply(means, quats, scales, covars, opacities, viewmats, Ks,
                                                                 call, bool(packed))
-    batch_ids, camera_ids, gaussian_ids = call.packed_ids() if packed else (None, None, None)
+    batch_ids, camera_ids, gaussian_ids = call.packed_ids or (None, None, None)
     if sh_degree is not None:
         centers = torch.inverse(viewmats)[..., :3, 3]
         directions = means[..., None, :, :] - centers[..., None, :]

@@ -3,6 +3,7 @@
 
 #include "interface.hpp"
 #include "library/errors.hpp"
+#include "library/packing.hpp"
 #include "library/projection.hpp"
 #include "library/rasterization.hpp"
 #include "library/shading.hpp"
@@ -20,6 +21,9 @@ extern "C" const gsh_python::Api* gsh_python_api() {
                                          .release = &gsh_python::release,
                                          .spherical_harmonics = &gsh_python::spherical_harmonics,
                                          .spherical_harmonics_backward = &gsh_python::spherical_harmonics_backward,
+                                         .find_visible = &gsh_python::find_visible,
+                                         .gather_rows = &gsh_python::gather_rows,
+                                         .scatter_rows = &gsh_python::scatter_rows,
                                          .release_memory = &gsh_python::release_memory};
     return &api;
 }
