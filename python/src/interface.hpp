@@ -28,6 +28,7 @@ struct SplatArrays {
     const void *quats, *scales; // [B, N, 4], [B, N, 3]; both null with covars
     const void *covars;         // [B, N, 6] xx xy xz yy yz zz
     const void *opacities;      // [B, N]
+    const void *factors;        // [B, N, 3, 3] for rasterize: those of project; null with covars
 };
 struct SplatGradients {
     void *means, *quats, *scales, *covars, *opacities;
@@ -54,6 +55,7 @@ struct ProjectedArrays {
     void *conics;         // [B, C, N, 3]
     void *compensations;  // [B, C, N]
     void *opacities;      // [B, C, N] times the compensations
+    void *factors;        // [B, N, 3, 3] rotation times scales, by columns; null with covars
 };
 struct ProjectedGradients {
     const void *means2d, *depths, *conics, *compensations, *opacities;
@@ -111,7 +113,7 @@ struct Api {
     int (*spherical_harmonics_backward)(const ShSizes&, const void* dirs, const void* coeffs, const std::uint8_t* masks,
                                         const void* dL_dcolors, void* dL_ddirs, void* dL_dcoeffs);
     /// The Gaussians with radii above 0, in the order of [B * C * N]: their number is written to *count, their places to
-    /// ids [count] and, in parts, to the others. A first call with null pointers gives the number.
+    /// ids and, in parts, to the others, which all have room for [B * C * N].
     int (*find_visible)(const Sizes&, const std::int32_t* radii, std::int64_t* count, std::int64_t* ids,
                         std::int64_t* batch_ids, std::int64_t* camera_ids, std::int64_t* gaussian_ids);
     /// to[k] = from[ids[k]] for rows of whole floats.

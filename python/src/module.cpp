@@ -103,12 +103,14 @@ struct Call {
         return static_cast<std::int32_t*>(array.data());
     }
     [[nodiscard]] SplatArrays splats(const Array& means, const Optional& quats, const Optional& scales,
-                                     const Optional& covars, const Optional& opacities) const {
+                                     const Optional& covars, const Optional& opacities,
+                                     const Optional& factors = std::nullopt) const {
         const std::int64_t b = sizes.batches, n = sizes.count;
-        if (!covars && !(quats && scales)) throw nb::value_error("neither covars nor quats and scales are given");
+        if (!covars && !factors && !(quats && scales))
+            throw nb::value_error("neither covars nor quats and scales are given");
         return {(*this)(means, "means", {b, n, 3}), (*this)(quats, "quats", {b, n, 4}),
                 (*this)(scales, "scales", {b, n, 3}), (*this)(covars, "covars", {b, n, 6}),
-                (*this)(opacities, "opacities", {b, n})};
+                (*this)(opacities, "opacities", {b, n}), (*this)(factors, "factors", {b, n, 9})};
     }
     [[nodiscard]] CameraArrays cameras(const Array& viewmats, const Array& Ks, int width, int height) const {
         return {(*this)(viewmats, "viewmats", {sizes.batches, sizes.cameras, 4, 4}),
@@ -130,14 +132,16 @@ struct Call {
 void project(const Array& means, const Optional& quats, const Optional& scales, const Optional& covars,
              const Optional& opacities, const Array& viewmats, const Array& Ks, int width, int height,
              const nb::tuple& settings, int threads, const Array& radii, const Array& means2d, const Array& depths,
-             const Array& conics, const Optional& compensations, const Optional& screen_opacities) {
+             const Array& conics, const Optional& compensations, const Optional& screen_opacities,
+             const Optional& factors) {
     const Call call(means, viewmats, threads);
     const SplatArrays splats = call.splats(means, quats, scales, covars, opacities);
     const CameraArrays cameras = call.cameras(viewmats, Ks, width, height);
     const ProjectedArrays out{call.radii(radii), call.image_array(means2d, "means2d", 2),
                               call.image_array(depths, "depths"), call.image_array(conics, "conics", 3),
                               call.image_array(compensations, "compensations"),
-                              call.image_array(screen_opacities, "screen_opacities")};
+                              call.image_array(screen_opacities, "screen_opacities"),
+                              call(factors, "factors", {call.sizes.batches, call.sizes.count, 9})};
     const ProjectionSettings s = settings_of(settings);
     run([&] { return api().project(call.sizes, splats, cameras, s, out); });
 }
@@ -172,12 +176,12 @@ void project_backward(const Array& means, const Optional& quats, const Optional&
 constexpr const char* pass_name = "gsh.pass";
 
 /// `colors` is [B, N, D] or [B, C, N, D], or None for depth alone.
-nb::capsule rasterize(const Array& means, const Optional& quats, const Optional& scales, const Optional& covars,
-                      const Array& opacities, const Array& viewmats, const Array& Ks, int width, int height,
+nb::capsule rasterize(const Array& means, const Optional& factors, const Optional& covars, const Array& opacities,
+                      const Array& viewmats, const Array& Ks, int width, int height,
                       const nb::tuple& settings, int threads, const Array& radii, const Optional& colors,
                       const Optional& backgrounds, bool with_depth, const Array& render, const Array& alphas) {
     const Call call(means, viewmats, threads);
-    const SplatArrays splats = call.splats(means, quats, scales, covars, opacities);
+    const SplatArrays splats = call.splats(means, std::nullopt, std::nullopt, covars, opacities, factors);
     const CameraArrays cameras = call.cameras(viewmats, Ks, width, height);
     const std::int64_t b = call.sizes.batches, c = call.sizes.cameras, n = call.sizes.count;
     ColorArrays color{nullptr, nullptr, 0, 0};
@@ -233,27 +237,20 @@ void rasterize_backward(const nb::capsule& pass, const Array& means, const Array
     run([&] { return api().rasterize_backward(p, threads, dL, out); });
 }
 
-/// The number of Gaussians with radii [B, C, N, 2] above 0.
-std::int64_t count_visible(const Array& radii) {
-    std::int64_t count = 0;
-    const Sizes sizes{1, 1, static_cast<std::int64_t>(radii.size() / 2), 4, 1};
-    const auto* const r = static_cast<const std::int32_t*>(radii.data());
-    run([&] { return api().find_visible(sizes, r, &count, nullptr, nullptr, nullptr, nullptr); });
-    return count;
-}
-
-/// Writes ids [4, count]: places in [B * C * N], batches, cameras, Gaussians.
-void find_visible(const Array& radii, const Array& ids) {
-    if (radii.ndim() != 4 || ids.ndim() != 2) throw nb::value_error("radii is not [B, C, N, 2], or ids not [4, count]");
+/// Returns the number of Gaussians with radii [B, C, N, 2] above 0, and writes to the first columns of ids [4, B C N]:
+/// places in [B * C * N], batches, cameras, Gaussians.
+std::int64_t find_visible(const Array& radii, const Array& ids) {
+    if (radii.ndim() != 4) throw nb::value_error("radii is not [B, C, N, 2]");
     const Sizes sizes{static_cast<std::int64_t>(radii.shape(0)), static_cast<std::int64_t>(radii.shape(1)),
                       static_cast<std::int64_t>(radii.shape(2)), 4, 1};
+    const std::int64_t all = sizes.batches * sizes.cameras * sizes.count;
     check_array(radii, "radii", {sizes.batches, sizes.cameras, sizes.count, 2}, true, 4);
-    std::int64_t count = count_visible(radii);
-    check_array(ids, "ids", {4, count}, true, 8);
+    check_array(ids, "ids", {4, all}, true, 8);
     const auto* const r = static_cast<const std::int32_t*>(radii.data());
     auto* const to = static_cast<std::int64_t*>(ids.data());
-    const std::int64_t n = count;
-    run([&] { return api().find_visible(sizes, r, &count, to, to + n, to + 2 * n, to + 3 * n); });
+    std::int64_t count = 0;
+    run([&] { return api().find_visible(sizes, r, &count, to, to + all, to + 2 * all, to + 3 * all); });
+    return count;
 }
 
 /// The rows of two arrays [rows, numbers], of which one has ids.shape[0] rows, in bytes.
@@ -263,8 +260,9 @@ void find_visible(const Array& radii, const Array& ids) {
         throw nb::value_error("from and to are not arrays of rows of the same type and length");
     const bool integer = from.dtype().code == static_cast<std::uint8_t>(nb::dlpack::dtype_code::Int);
     for (const Array* array : {&from, &to})
-        check_array(*array, "rows", {static_cast<std::int64_t>(array->shape(0)), static_cast<std::int64_t>(array->shape(1))},
-                    integer, from.dtype().bits / 8);
+        check_array(*array, "rows",
+                    {static_cast<std::int64_t>(array->shape(0)), static_cast<std::int64_t>(array->shape(1))}, integer,
+                    from.dtype().bits / 8);
     return static_cast<std::int64_t>(from.shape(1) * from.dtype().bits / 8);
 }
 
@@ -346,7 +344,8 @@ NB_MODULE(_gsh, m) {
     m.def("project", &project, nb::arg("means"), nb::arg("quats").none(), nb::arg("scales").none(),
           nb::arg("covars").none(), nb::arg("opacities").none(), nb::arg("viewmats"), nb::arg("Ks"), nb::arg("width"),
           nb::arg("height"), nb::arg("settings"), nb::arg("threads"), nb::arg("radii"), nb::arg("means2d"),
-          nb::arg("depths"), nb::arg("conics"), nb::arg("compensations").none(), nb::arg("screen_opacities").none());
+          nb::arg("depths"), nb::arg("conics"), nb::arg("compensations").none(), nb::arg("screen_opacities").none(),
+          nb::arg("factors").none());
     m.def("project_backward", &project_backward, nb::arg("means"), nb::arg("quats").none(), nb::arg("scales").none(),
           nb::arg("covars").none(), nb::arg("opacities").none(), nb::arg("viewmats"), nb::arg("Ks"), nb::arg("width"),
           nb::arg("height"), nb::arg("settings"), nb::arg("threads"), nb::arg("radii"), nb::arg("dL_dmeans2d").none(),
@@ -354,8 +353,8 @@ NB_MODULE(_gsh, m) {
           nb::arg("dL_dscreen_opacities").none(), nb::arg("dL_dmeans").none(), nb::arg("dL_dquats").none(),
           nb::arg("dL_dscales").none(), nb::arg("dL_dcovars").none(), nb::arg("dL_dopacities").none(),
           nb::arg("dL_dviewmats").none(), nb::arg("dL_dKs").none());
-    m.def("rasterize", &rasterize, nb::arg("means"), nb::arg("quats").none(), nb::arg("scales").none(),
-          nb::arg("covars").none(), nb::arg("opacities"), nb::arg("viewmats"), nb::arg("Ks"), nb::arg("width"),
+    m.def("rasterize", &rasterize, nb::arg("means"), nb::arg("factors").none(), nb::arg("covars").none(),
+          nb::arg("opacities"), nb::arg("viewmats"), nb::arg("Ks"), nb::arg("width"),
           nb::arg("height"), nb::arg("settings"), nb::arg("threads"), nb::arg("radii"), nb::arg("colors").none(),
           nb::arg("backgrounds").none(), nb::arg("with_depth"), nb::arg("render"), nb::arg("alphas"));
     m.def("rasterize_backward", &rasterize_backward, nb::arg("pass_"), nb::arg("means"), nb::arg("viewmats"),
@@ -369,7 +368,6 @@ NB_MODULE(_gsh, m) {
     m.def("spherical_harmonics_backward", &spherical_harmonics_backward, nb::arg("degree"), nb::arg("dirs"),
           nb::arg("coeffs"), nb::arg("masks").none(), nb::arg("threads"), nb::arg("dL_dcolors"),
           nb::arg("dL_ddirs").none(), nb::arg("dL_dcoeffs").none());
-    m.def("count_visible", &count_visible, nb::arg("radii"));
     m.def("find_visible", &find_visible, nb::arg("radii"), nb::arg("ids"));
     m.def("gather_rows", &gather_rows, nb::arg("from_"), nb::arg("ids"), nb::arg("threads"), nb::arg("to"));
     m.def("scatter_rows", &scatter_rows, nb::arg("from_"), nb::arg("ids"), nb::arg("threads"), nb::arg("to"));

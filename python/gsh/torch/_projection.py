@@ -28,7 +28,7 @@ class ProjectionCall:
         self.covars = flat(covars, B, N, 6)
         self.opacities = flat(opacities, B, N)
         self.viewmats, self.Ks = flat(viewmats, B, C, 4, 4), flat(Ks, B, C, 3, 3)
-        self.radii = self.ids = self.packed_ids = None
+        self.radii = self.ids = self.packed_ids = self.factors = None
 
     @property
     def compensates(self):
@@ -46,19 +46,21 @@ class ProjectionCall:
         means2d, depths, conics = self.empty(2), self.empty(), self.empty(3)
         compensations = self.empty() if self.compensates else None
         opacities = None if self.opacities is None else self.empty()
+        if self.quats is not None:
+            self.factors = torch.empty((self.B, self.N, 9), dtype=self.means.dtype)
         try:
             _gsh.project(self.means, *self.shapes(), self.opacities, self.viewmats, self.Ks, self.width, self.height,
                          self.settings, torch.get_num_threads(), self.radii, means2d, depths, conics, compensations,
-                         opacities)
+                         opacities, self.factors)
         except ValueError as error:
             self.explain(error)
         return self.radii, means2d, depths, conics, compensations, opacities
 
     def find_packed(self):
         """Makes the results packed: rows of the Gaussians that are not culled."""
-        ids = torch.empty((4, _gsh.count_visible(self.radii)), dtype=torch.int64)
-        _gsh.find_visible(self.radii, ids)
-        self.ids, *self.packed_ids = ids  # in [B * C * N]; batch_ids, camera_ids, gaussian_ids
+        ids = torch.empty((4, self.B * self.C * self.N), dtype=torch.int64)
+        count = _gsh.find_visible(self.radii, ids)
+        self.ids, *self.packed_ids = ids[:, :count]  # in [B * C * N]; batch_ids, camera_ids, gaussian_ids
 
     def result(self, numbers):
         """An array [B, C, N, ...] in the shape that users see: [..., C, N, ...], or packed."""

@@ -40,7 +40,7 @@ class Blend(torch.autograd.Function):
         alphas = torch.empty(size, dtype=call.means.dtype)
         try:
             ctx.rasterizer = _gsh.rasterize(
-                call.means, *call.shapes(), call.opacities, call.viewmats, call.Ks, call.width, call.height,
+                call.means, call.factors, call.covars, call.opacities, call.viewmats, call.Ks, call.width, call.height,
                 call.settings, torch.get_num_threads(), call.radii, flat_colors, flat_backgrounds, with_depth, render,
                 alphas)
         except ValueError as error:

@@ -23,11 +23,8 @@ int find_visible(const Sizes& sizes, const std::int32_t* radii, std::int64_t* co
         for (std::int64_t image = 0; image < sizes.batches * sizes.cameras; ++image)
             for (std::int64_t n = 0; n < sizes.count; ++n, ++i) {
                 if (radii[2 * i] <= 0 || radii[2 * i + 1] <= 0) continue;
-                if (ids != nullptr) {
-                    ids[found] = i;
-                    batch_ids[found] = image / sizes.cameras, camera_ids[found] = image % sizes.cameras;
-                    gaussian_ids[found] = n;
-                }
+                ids[found] = i, gaussian_ids[found] = n;
+                batch_ids[found] = image / sizes.cameras, camera_ids[found] = image % sizes.cameras;
                 ++found;
             }
         *count = found;
@@ -61,7 +58,8 @@ int scatter_rows(int thread_count, std::int64_t row_bytes, const std::int64_t* i
             const std::int64_t* id = std::lower_bound(ids, ids + count, static_cast<std::int64_t>(begin));
             for (; id != ids + count && *id < static_cast<std::int64_t>(end); ++id)
                 for (std::size_t c = 0; c < row; ++c)
-                    target[static_cast<std::size_t>(*id) * row + c] = source[static_cast<std::size_t>(id - ids) * row + c];
+                    target[static_cast<std::size_t>(*id) * row + c] =
+                        source[static_cast<std::size_t>(id - ids) * row + c];
         });
     });
 }

@@ -84,6 +84,13 @@ private:
     }
 };
 
+template <class T>
+void store_factors(const Lanes& lanes, const mat3<W>& F, T* to) {
+    for (int k = 0; k < 9; ++k) lanes.store(F[k / 3][k % 3], to, 9, static_cast<std::size_t>(k));
+}
+template <class T>
+void store_factors(const Lanes&, const sym3<W>&, T*) {}
+
 /// A sum of all numbers of a shape.
 [[nodiscard]] W sum_of(const mat3<W>& F) {
     W sum(0.0);
@@ -109,6 +116,9 @@ void project_image(cpu::Threads& backend, const Sizes& sizes, const SplatArrays&
     std::int32_t* const radii = out.radii + 2 * first;
     T *const means2d = at(out.means2d, 2), *const depths = at(out.depths, 1), *const conics = at(out.conics, 3);
     T *const compensations = at(out.compensations, 1), *const opacities_out = at(out.opacities, 1);
+    T* const factors = out.factors && image % static_cast<std::size_t>(sizes.cameras) == 0
+                           ? static_cast<T*>(out.factors) + 9 * batch * n
+                           : nullptr;
     std::atomic<bool> finite = true;
     backend.for_chunks(n, grain, [&](std::size_t, std::size_t begin, std::size_t end) {
         W nonfinite(0.0); // 0, or NaN
@@ -124,6 +134,7 @@ void project_image(cpu::Threads& backend, const Sizes& sizes, const SplatArrays&
             const auto put = [&](W numbers, auto* to, std::size_t stride, std::size_t k) {
                 if (to) lanes.store(select(r.kept, numbers, zero), to, stride, k);
             };
+            if (factors) store_factors(lanes, shape, factors);
             put(r.x, radii, 2, 0), put(r.y, radii, 2, 1);
             put(p.mean2d.x, means2d, 2, 0), put(p.mean2d.y, means2d, 2, 1);
             put(p.depth, depths, 1, 0);

@@ -6,7 +6,6 @@
 #include "library/arrays.hpp"
 #include "library/errors.hpp"
 
-#include <gsh/gaussian/covariance.hpp>
 #include <gsh/image/image.hpp>
 #include <gsh/render/cpu/rasterizer.hpp>
 #include <gsh/render/rasterizer.hpp>
@@ -79,7 +78,6 @@ public:
         const Rasterizer<B, T> rasterizer(backend, params_);
         for (std::size_t image = 0; image < images; ++image) {
             const std::size_t batch = image / static_cast<std::size_t>(sizes.cameras);
-            if (image % static_cast<std::size_t>(sizes.cameras) == 0) make_factors(backend, splats, batch);
             const Camera<T> camera = camera_of<T>(cameras, image);
             for (std::size_t part = 0; part < parts; ++part) {
                 ImagePass<T>& pass = passes_[image * parts + part];
@@ -88,7 +86,7 @@ public:
                 const SplatView<const T> view{
                     elements<vec3<T>, T>(splats.means, 3 * batch * n, n),
                     elements<sym3<T>, T>(splats.covars, 6 * batch * n, splats.covars ? n : 0),
-                    pass.opacities, rgb, splats.covars ? Span<const mat3<T>>() : Span<const mat3<T>>(factors_)};
+                    pass.opacities, rgb, elements<mat3<T>, T>(splats.factors, 9 * batch * n, splats.factors ? n : 0)};
                 RenderTarget<T> target{plane_view(0, 3)};
                 target.alpha = plane_view(3, 1);
                 if (with_depth && part == 0) target.expected_depth = plane_view(4, 1);
@@ -126,8 +124,8 @@ public:
                     gradient.color = const_plane_view(0, 3);
                 }
                 if (part == 0 && dL.alphas != nullptr) {
-                    read_strided(backend,
-                                 static_cast<const T*>(dL.alphas) + static_cast<std::ptrdiff_t>(image) * dL.alpha_strides[0],
+                    const auto* const from = static_cast<const T*>(dL.alphas);
+                    read_strided(backend, from + static_cast<std::ptrdiff_t>(image) * dL.alpha_strides[0],
                                  dL.alpha_strides[1], dL.alpha_strides[2], planes_.data() + 3 * plane());
                     gradient.alpha = const_plane_view(3, 1);
                 }
@@ -155,7 +153,8 @@ public:
                 rasterizer.backward_to_screen(pass.background, gradient, pass.cache, screen, of_background);
                 if (out.backgrounds != nullptr)
                     for (std::size_t c = 0; c < used; ++c)
-                        static_cast<T*>(out.backgrounds)[image * channels_ + 3 * part + c] += dL_dbackground[static_cast<int>(c)];
+                        static_cast<T*>(out.backgrounds)[image * channels_ + 3 * part + c] =
+                            dL_dbackground[static_cast<int>(c)];
                 if (out.colors != nullptr && channels_ != 3 && used > 0)
                     add_colors(backend, static_cast<T*>(out.colors) + color_row * channels_ + 3 * part, used);
             }
@@ -168,36 +167,22 @@ private:
     bool per_camera_ = false, with_backgrounds_ = false, with_depth_ = false;
     int width_ = 0, height_ = 0;
     RasterParams<T> params_;
-    Buffer<mat3<T>> factors_;      // [N] of the current batch
     std::vector<ImagePass<T>> passes_;
     Buffer<T> planes_;             // red, green, blue, alpha, depth
     Buffer<vec3<T>> dL_dcolors_;
 
     [[nodiscard]] std::size_t count() const { return static_cast<std::size_t>(sizes_.count); }
     [[nodiscard]] std::size_t image_count() const { return static_cast<std::size_t>(sizes_.batches * sizes_.cameras); }
-    [[nodiscard]] std::size_t plane() const { return static_cast<std::size_t>(width_) * static_cast<std::size_t>(height_); }
+    [[nodiscard]] std::size_t plane() const {
+        return static_cast<std::size_t>(width_) * static_cast<std::size_t>(height_);
+    }
     [[nodiscard]] std::size_t all_channels() const { return channels_ + (with_depth_ ? 1 : 0); }
     [[nodiscard]] ImageView<T> plane_view(std::size_t first, int channels) {
-        return {Span<T>(planes_.data() + first * plane(), plane() * static_cast<std::size_t>(channels)), channels, height_,
-                width_};
+        return {Span<T>(planes_.data() + first * plane(), plane() * static_cast<std::size_t>(channels)), channels,
+                height_, width_};
     }
     [[nodiscard]] ImageView<const T> const_plane_view(std::size_t first, int channels) {
         return plane_view(first, channels);
-    }
-
-    void make_factors(B& backend, const SplatArrays& splats, std::size_t batch) {
-        if (splats.covars != nullptr) return;
-        const std::size_t n = count();
-        factors_.resize(n);
-        const T* const quats = static_cast<const T*>(splats.quats) + 4 * batch * n;
-        const T* const scales = static_cast<const T*>(splats.scales) + 3 * batch * n;
-        mat3<T>* const to = factors_.data();
-        backend.for_chunks(n, 4096, [=](std::size_t, std::size_t begin, std::size_t end) {
-            for (std::size_t i = begin; i < end; ++i) {
-                const gsh::quat<T> q{quats[4 * i], quats[4 * i + 1], quats[4 * i + 2], quats[4 * i + 3]};
-                to[i] = scaled_rotation(q, vec3<T>(scales[3 * i], scales[3 * i + 1], scales[3 * i + 2]));
-            }
-        });
     }
 
     /// Culled Gaussians get the opacity 0, with which the rasterizer leaves them out, too.
@@ -285,7 +270,8 @@ private:
                 else if (column_stride == 3)
                     for (std::size_t x = 0; x < width; ++x) out[x] = row[3 * x];
                 else
-                    for (std::size_t x = 0; x < width; ++x) out[x] = row[static_cast<std::ptrdiff_t>(x) * column_stride];
+                    for (std::size_t x = 0; x < width; ++x)
+                        out[x] = row[static_cast<std::ptrdiff_t>(x) * column_stride];
             }
         });
     }
@@ -349,7 +335,8 @@ int rasterize_backward(void* pass, int thread_count, const ImageGradients& dL, c
 
 void release(void* pass) {
     auto* const any = static_cast<AnyPass*>(pass);
-    if (auto* const single = dynamic_cast<Pass<float>*>(any)) Pool<float>::instance().give(std::unique_ptr<Pass<float>>(single));
+    if (auto* const single = dynamic_cast<Pass<float>*>(any))
+        Pool<float>::instance().give(std::unique_ptr<Pass<float>>(single));
     else Pool<double>::instance().give(std::unique_ptr<Pass<double>>(static_cast<Pass<double>*>(any)));
 }
 
