@@ -89,6 +89,12 @@ struct ShSizes {
     int degree, scalar_bytes, threads;
 };
 
+/// Sizes of a comparison of images [planes, height, width].
+struct SsimSizes {
+    std::int64_t planes;
+    int height, width, whole_windows, scalar_bytes, threads;
+};
+
 struct Api {
     const char* refusal; ///< why the library cannot run here, or null: then the functions are set
     const char* instruction_set;
@@ -122,6 +128,8 @@ struct Api {
     /// to[ids[k]] = from[k], and zeros elsewhere; ids ascend.
     int (*scatter_rows)(int threads, std::int64_t row_bytes, const std::int64_t* ids, std::int64_t count,
                         const void* from, std::int64_t rows, void* to);
+    /// The mean SSIM of a and b, and its gradient with respect to a, unless da is null.
+    int (*ssim)(const SsimSizes&, const void* a, const void* b, double* value, void* da);
     void (*release_memory)(); ///< frees what released passes hold for the next ones
 };
 

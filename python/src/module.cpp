@@ -335,6 +335,24 @@ void spherical_harmonics_backward(int degree, const Array& dirs, const Array& co
     });
 }
 
+/// The mean SSIM of images [planes, height, width]; writes its gradient with respect to a.
+double ssim(const Array& a, const Array& b, bool whole_windows, int threads, const Optional& da) {
+    if (a.ndim() != 3) throw nb::value_error("a is not [planes, height, width]");
+    const std::size_t bytes = a.dtype().bits / 8;
+    const Shape shape{static_cast<std::int64_t>(a.shape(0)), static_cast<std::int64_t>(a.shape(1)),
+                      static_cast<std::int64_t>(a.shape(2))};
+    check_array(a, "a", shape, false, bytes);
+    check_array(b, "b", shape, false, bytes);
+    if (da) check_array(*da, "da", shape, false, bytes);
+    const SsimSizes sizes{static_cast<std::int64_t>(a.shape(0)), static_cast<int>(a.shape(1)),
+                          static_cast<int>(a.shape(2)), whole_windows, static_cast<int>(bytes), threads};
+    double value = 0;
+    const void *const p = a.data(), *const q = b.data();
+    void* const out = da ? da->data() : nullptr;
+    run([&] { return api().ssim(sizes, p, q, &value, out); });
+    return value;
+}
+
 } // namespace
 
 NB_MODULE(_gsh, m) {
@@ -371,5 +389,7 @@ NB_MODULE(_gsh, m) {
     m.def("find_visible", &find_visible, nb::arg("radii"), nb::arg("ids"));
     m.def("gather_rows", &gather_rows, nb::arg("from_"), nb::arg("ids"), nb::arg("threads"), nb::arg("to"));
     m.def("scatter_rows", &scatter_rows, nb::arg("from_"), nb::arg("ids"), nb::arg("threads"), nb::arg("to"));
+    m.def("ssim", &ssim, nb::arg("a"), nb::arg("b"), nb::arg("whole_windows"), nb::arg("threads"),
+          nb::arg("da").none());
     m.def("release_memory", [] { api().release_memory(); });
 }

@@ -7,6 +7,7 @@
 #include "library/projection.hpp"
 #include "library/rasterization.hpp"
 #include "library/shading.hpp"
+#include "library/ssim.hpp"
 
 #include <gsh/core/config.hpp>
 
@@ -24,6 +25,7 @@ extern "C" const gsh_python::Api* gsh_python_api() {
                                          .find_visible = &gsh_python::find_visible,
                                          .gather_rows = &gsh_python::gather_rows,
                                          .scatter_rows = &gsh_python::scatter_rows,
+                                         .ssim = &gsh_python::ssim,
                                          .release_memory = &gsh_python::release_memory};
     return &api;
 }
