@@ -46,6 +46,7 @@ struct CameraGradients {
 struct ProjectionSettings {
     double eps2d, near_plane, far_plane, radius_clip;
     int compensate; ///< rasterize_mode "antialiased"
+    double compensation_floor, alpha_max, transmittance_min; ///< as in gsh::RasterParams
 };
 
 struct ProjectedArrays {
@@ -95,6 +96,29 @@ struct SsimSizes {
     int height, width, whole_windows, scalar_bytes, threads;
 };
 
+struct AvatarSizes {
+    std::int64_t count, joints, betas, expression;
+    double dilation; ///< of the avatar's filter, as is `compensate`
+    int compensate;
+    int lit; ///< whether a light shades it
+};
+/// Arrays of float.
+struct PoseArrays {
+    const void *pose;         // [J, 3] axis-angle
+    const void *coefficients; // [S + E] betas, expression
+    const void *transl;       // [3]
+    const void *center;       // [3] of the camera, for colours that depend on the view
+};
+struct PoseGradients {
+    void *pose, *coefficients, *transl, *center;
+};
+struct SplatOutputs {
+    void *means, *covars, *opacities, *colors; // [N, 3], [N, 6], [N], [N, 3]
+};
+struct SplatInputs {
+    const void *means, *covars, *opacities, *colors;
+};
+
 struct Api {
     const char* refusal; ///< why the library cannot run here, or null: then the functions are set
     const char* instruction_set;
@@ -130,6 +154,14 @@ struct Api {
                         const void* from, std::int64_t rows, void* to);
     /// The mean SSIM of a and b, and its gradient with respect to a, unless da is null.
     int (*ssim)(const SsimSizes&, const void* a, const void* b, double* value, void* da);
+    int (*load_avatar)(const char* path, int threads, void** avatar, AvatarSizes*);
+    int (*avatar_betas)(void* avatar, double* betas);
+    /// *pass is for pose_avatar_backward, and then for release_posed; it keeps the avatar alive.
+    int (*pose_avatar)(void* avatar, const PoseArrays&, const SplatOutputs&, void** pass);
+    /// Adds to the gradients. All of dL are given.
+    int (*pose_avatar_backward)(void* pass, const SplatInputs& dL, const PoseGradients&);
+    void (*release_posed)(void* pass);
+    void (*release_avatar)(void* avatar);
     void (*release_memory)(); ///< frees what released passes hold for the next ones
 };
 

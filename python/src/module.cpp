@@ -9,11 +9,13 @@
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
 #include <nanobind/stl/optional.h>
+#include <nanobind/stl/string.h>
 
 #include <cstddef>
 #include <initializer_list>
 #include <optional>
 #include <string>
+#include <vector>
 
 namespace nb = nanobind;
 using namespace gsh_python;
@@ -126,7 +128,7 @@ struct Call {
 
 [[nodiscard]] ProjectionSettings settings_of(const nb::tuple& s) {
     return {nb::cast<double>(s[0]), nb::cast<double>(s[1]), nb::cast<double>(s[2]), nb::cast<double>(s[3]),
-            nb::cast<bool>(s[4]) ? 1 : 0};
+            nb::cast<bool>(s[4]) ? 1 : 0, nb::cast<double>(s[5]), nb::cast<double>(s[6]), nb::cast<double>(s[7])};
 }
 
 void project(const Array& means, const Optional& quats, const Optional& scales, const Optional& covars,
@@ -353,6 +355,63 @@ double ssim(const Array& a, const Array& b, bool whole_windows, int threads, con
     return value;
 }
 
+constexpr const char *avatar_name = "gsh.avatar", *posed_name = "gsh.posed";
+
+/// The avatar, its numbers of Gaussians, joints, betas and expression coefficients, its filter, whether it is lit, and
+/// its betas.
+nb::tuple load_avatar(const std::string& path, int threads) {
+    void* avatar = nullptr;
+    AvatarSizes sizes{};
+    run([&] { return api().load_avatar(path.c_str(), threads, &avatar, &sizes); });
+    const nb::capsule capsule(avatar, avatar_name, [](void* p) noexcept { api().release_avatar(p); });
+    std::vector<double> betas(static_cast<std::size_t>(sizes.betas));
+    check(api().avatar_betas(avatar, betas.data()));
+    nb::list list;
+    for (const double beta : betas) list.append(beta);
+    return nb::make_tuple(capsule, sizes.count, sizes.joints, sizes.betas, sizes.expression, sizes.dilation,
+                          sizes.compensate != 0, sizes.lit != 0, list);
+}
+
+/// Arrays of an avatar's pose and splats; sizes: those of load_avatar.
+nb::capsule pose_avatar(const nb::capsule& avatar, std::int64_t joints, std::int64_t coefficient_count,
+                        std::int64_t count, const Array& pose, const Array& coefficients, const Array& transl,
+                        const Array& center, const Array& means, const Array& covars, const Array& opacities,
+                        const Array& colors) {
+    check_array(pose, "pose", {joints, 3}, false, 4);
+    check_array(coefficients, "coefficients", {coefficient_count}, false, 4);
+    check_array(transl, "transl", {3}, false, 4);
+    check_array(center, "center", {3}, false, 4);
+    check_array(means, "means", {count, 3}, false, 4);
+    check_array(covars, "covars", {count, 6}, false, 4);
+    check_array(opacities, "opacities", {count}, false, 4);
+    check_array(colors, "colors", {count, 3}, false, 4);
+    const PoseArrays in{pose.data(), coefficients.data(), transl.data(), center.data()};
+    const SplatOutputs out{means.data(), covars.data(), opacities.data(), colors.data()};
+    void* const a = avatar.data(avatar_name);
+    void* posed = nullptr;
+    run([&] { return api().pose_avatar(a, in, out, &posed); });
+    return nb::capsule(posed, posed_name, [](void* p) noexcept { api().release_posed(p); });
+}
+
+/// Adds to the gradients of the pose, which start at zero.
+void pose_avatar_backward(const nb::capsule& posed, std::int64_t joints, std::int64_t coefficient_count,
+                          std::int64_t count, const Array& dL_dmeans, const Array& dL_dcovars,
+                          const Array& dL_dopacities, const Array& dL_dcolors, const Array& dL_dpose,
+                          const Array& dL_dcoefficients, const Array& dL_dtransl, const Array& dL_dcenter) {
+    check_array(dL_dmeans, "dL_dmeans", {count, 3}, false, 4);
+    check_array(dL_dcovars, "dL_dcovars", {count, 6}, false, 4);
+    check_array(dL_dopacities, "dL_dopacities", {count}, false, 4);
+    check_array(dL_dcolors, "dL_dcolors", {count, 3}, false, 4);
+    check_array(dL_dpose, "dL_dpose", {joints, 3}, false, 4);
+    check_array(dL_dcoefficients, "dL_dcoefficients", {coefficient_count}, false, 4);
+    check_array(dL_dtransl, "dL_dtransl", {3}, false, 4);
+    check_array(dL_dcenter, "dL_dcenter", {3}, false, 4);
+    const SplatInputs dL{dL_dmeans.data(), dL_dcovars.data(), dL_dopacities.data(), dL_dcolors.data()};
+    const PoseGradients out{dL_dpose.data(), dL_dcoefficients.data(), dL_dtransl.data(), dL_dcenter.data()};
+    void* const p = posed.data(posed_name);
+    run([&] { return api().pose_avatar_backward(p, dL, out); });
+}
+
 } // namespace
 
 NB_MODULE(_gsh, m) {
@@ -391,5 +450,8 @@ NB_MODULE(_gsh, m) {
     m.def("scatter_rows", &scatter_rows, nb::arg("from_"), nb::arg("ids"), nb::arg("threads"), nb::arg("to"));
     m.def("ssim", &ssim, nb::arg("a"), nb::arg("b"), nb::arg("whole_windows"), nb::arg("threads"),
           nb::arg("da").none());
+    m.def("load_avatar", &load_avatar, nb::arg("path"), nb::arg("threads"));
+    m.def("pose_avatar", &pose_avatar);
+    m.def("pose_avatar_backward", &pose_avatar_backward);
     m.def("release_memory", [] { api().release_memory(); });
 }

@@ -10,6 +10,13 @@ from .. import _gsh
 from ._checks import check_choice, check_size, check_tensor, explain, refuse
 
 
+def gsplat_settings(eps2d, near_plane, far_plane, radius_clip, antialiased):
+    """The settings of a projection and of a blend with the constants of gsplat 1.5: no lower limit of the
+    compensation, alpha at most 0.999, and a transmittance that does not fall to 1e-4."""
+    return (float(eps2d), float(near_plane), float(far_plane), float(radius_clip), bool(antialiased), 1e-30, 0.999,
+            1e-4)
+
+
 class ProjectionCall:
     """The sizes, the settings and the flat arrays of one call. Arrays are [B, N, ...] and [B, C, ...]."""
 
@@ -163,7 +170,7 @@ def fully_fused_projection(means, covars, quats, scales, viewmats, Ks, width, he
     if covars is not None:
         check_tensor(where, "covars", covars, tuple(means.shape[:-1]) + (6,), means.dtype)
         quats = scales = None
-    settings = (float(eps2d), float(near_plane), float(far_plane), float(radius_clip), bool(calc_compensations))
+    settings = gsplat_settings(eps2d, near_plane, far_plane, radius_clip, calc_compensations)
     call = ProjectionCall(where, means, quats, scales, covars, opacities, viewmats, Ks, width, height, settings)
     results = Project.apply(means, quats, scales, covars, opacities, viewmats, Ks, call, bool(packed))[:5]
     return tuple(call.packed_ids) + results if packed else results

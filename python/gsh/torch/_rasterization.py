@@ -8,7 +8,7 @@ from torch.autograd.function import once_differentiable
 
 from .. import _gsh
 from ._checks import check_choice, check_tensor, refuse
-from ._projection import Project, ProjectionCall, check_splats
+from ._projection import Project, ProjectionCall, check_splats, gsplat_settings
 from ._sh import spherical_harmonics
 
 
@@ -140,8 +140,7 @@ def rasterization(means, quats, scales, opacities, colors, viewmats, Ks, width, 
     if backgrounds is not None:
         check_tensor(where, "backgrounds", backgrounds, batch + (C, channels), dtype)
 
-    settings = (float(eps2d), float(near_plane), float(far_plane), float(radius_clip),
-                rasterize_mode == "antialiased")
+    settings = gsplat_settings(eps2d, near_plane, far_plane, radius_clip, rasterize_mode == "antialiased")
     call = ProjectionCall(where, means, quats, scales, covars, opacities, viewmats, Ks, width, height, settings)
     radii, means2d, depths, conics, _, on_image = Project.apply(means, quats, scales, covars, opacities, viewmats, Ks,
                                                                 call, bool(packed))

@@ -2,6 +2,7 @@
 /// @file  The table of functions of libgsh-python.
 
 #include "interface.hpp"
+#include "library/avatar.hpp"
 #include "library/errors.hpp"
 #include "library/packing.hpp"
 #include "library/projection.hpp"
@@ -26,6 +27,12 @@ extern "C" const gsh_python::Api* gsh_python_api() {
                                          .gather_rows = &gsh_python::gather_rows,
                                          .scatter_rows = &gsh_python::scatter_rows,
                                          .ssim = &gsh_python::ssim,
+                                         .load_avatar = &gsh_python::load_avatar,
+                                         .avatar_betas = &gsh_python::avatar_betas,
+                                         .pose_avatar = &gsh_python::pose_avatar,
+                                         .pose_avatar_backward = &gsh_python::pose_avatar_backward,
+                                         .release_posed = &gsh_python::release_posed,
+                                         .release_avatar = &gsh_python::release_avatar,
                                          .release_memory = &gsh_python::release_memory};
     return &api;
 }

@@ -29,7 +29,7 @@ constexpr std::size_t grain = 1024;
     params.near_plane = settings.near_plane;
     params.dilation = settings.eps2d;
     params.compensate_opacity = settings.compensate != 0;
-    params.compensation_floor = 1e-30; // gsplat has none
+    params.compensation_floor = settings.compensation_floor;
     return params;
 }
 

@@ -11,7 +11,6 @@
 #include <gsh/render/rasterizer.hpp>
 
 #include <algorithm>
-#include <cmath>
 #include <cstddef>
 #include <memory>
 #include <mutex>
@@ -28,17 +27,15 @@ using B = cpu::Threads;
 template <class U>
 using Buffer = B::Buffer<U>;
 
-/// The rasterizer's settings that gsplat 1.5 has as constants.
 template <class T>
 [[nodiscard]] RasterParams<T> params_of(const ProjectionSettings& settings) {
     RasterParams<T> params;
     params.near_plane = static_cast<T>(settings.near_plane);
     params.dilation = static_cast<T>(settings.eps2d);
     params.compensate_opacity = settings.compensate != 0;
-    params.compensation_floor = T(1e-30);
-    params.alpha_max = T(0.999);
-    // gsplat stops before a transmittance of 1e-4 or less, gsh below the limit.
-    params.transmittance_min = std::nextafter(T(1e-4f), T(1));
+    params.compensation_floor = static_cast<T>(settings.compensation_floor);
+    params.alpha_max = static_cast<T>(settings.alpha_max);
+    params.transmittance_min = static_cast<T>(settings.transmittance_min);
     params.max_pairs = (std::uint64_t(1) << 32) - 1;
     return params;
 }
