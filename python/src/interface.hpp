@@ -142,8 +142,8 @@ struct Api {
     /// Adds to the gradients; either may be null.
     int (*spherical_harmonics_backward)(const ShSizes&, const void* dirs, const void* coeffs, const std::uint8_t* masks,
                                         const void* dL_dcolors, void* dL_ddirs, void* dL_dcoeffs);
-    /// The Gaussians with radii above 0, in the order of [B * C * N]: their number is written to *count, their places to
-    /// ids and, in parts, to the others, which all have room for [B * C * N].
+    /// The Gaussians with radii above 0, in the order of [B * C * N]: their number is written to *count, their places
+    /// to ids and, in parts, to the others, which all have room for [B * C * N].
     int (*find_visible)(const Sizes&, const std::int32_t* radii, std::int64_t* count, std::int64_t* ids,
                         std::int64_t* batch_ids, std::int64_t* camera_ids, std::int64_t* gaussian_ids);
     /// to[k] = from[ids[k]] for rows of whole floats.

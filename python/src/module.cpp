@@ -149,8 +149,8 @@ void project(const Array& means, const Optional& quats, const Optional& scales, 
 }
 
 void project_backward(const Array& means, const Optional& quats, const Optional& scales, const Optional& covars,
-                      const Optional& opacities, const Array& viewmats, const Array& Ks, int width, int height, const nb::tuple& settings,
-                      int threads, const Array& radii, const Optional& dL_dmeans2d, const Optional& dL_ddepths,
+                      const Optional& opacities, const Array& viewmats, const Array& Ks, int width, int height,
+                      const nb::tuple& settings, int threads, const Array& radii, const Optional& dL_dmeans2d, const Optional& dL_ddepths,
                       const Optional& dL_dconics, const Optional& dL_dcompensations,
                       const Optional& dL_dscreen_opacities, const Optional& dL_dmeans, const Optional& dL_dquats,
                       const Optional& dL_dscales, const Optional& dL_dcovars, const Optional& dL_dopacities,

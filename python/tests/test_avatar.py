@@ -22,8 +22,8 @@ def avatar(tmp_path_factory):
         if not (folder / "gsh-reconstruct").exists():
             pytest.skip("no avatar: set GSH_TEST_AVATAR to a file, or GSH_PROGRAM_DIR to the folder of gsh-reconstruct")
         out = tmp_path_factory.mktemp("avatar")
-        subprocess.run([folder / "gsh-reconstruct", "--synthetic", "--steps", "60", "--gaussians", "3000", "--out", out],
-                       check=True, capture_output=True)
+        subprocess.run([folder / "gsh-reconstruct", "--synthetic", "--steps", "60", "--gaussians", "3000", "--out",
+                        out], check=True, capture_output=True)
         path = out / "avatar.gsh"
     return Avatar(path)
 
@@ -122,7 +122,8 @@ def test_bad_input_is_named(avatar, tmp_path):
     viewmat, K = camera(avatar)
     run = lambda **o: avatar(**dict(dict(pose=pose, transl=transl, viewmat=viewmat, K=K, width=8, height=8), **o))
     for options, error, match in (
-            (dict(pose=pose[1:]), ValueError, "pose has the shape"), (dict(pose=pose.double()), TypeError, "pose is torch"),
+            (dict(pose=pose[1:]), ValueError, "pose has the shape"),
+            (dict(pose=pose.double()), TypeError, "pose is torch"),
             (dict(transl=[0, 0, 0]), TypeError, "transl is list"),
             (dict(transl=torch.full((3,), float("nan"))), ValueError, r"transl\[0\] is nan"),
             (dict(viewmat=viewmat[:3]), ValueError, "viewmat has the shape"),

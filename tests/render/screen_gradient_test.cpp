@@ -208,11 +208,12 @@ TEST_CASE("backward_to_screen refuses what does not fit, with a name") {
     CHECK_THROWS_WITH_AS(pass({}), doctest::Contains("the cache is not that of a forward pass"), ValueError);
     test::Rendering<float> out(scene.camera);
     rasterizer.forward(scene.camera, scene.view(), {}, out.target(), cache);
-    CHECK_THROWS_WITH_AS(pass({.means2d = screen.means2d}), doctest::Contains("dL_dscreen.means2d has 4 elements, expected 5"),
-                         ShapeError);
+    CHECK_THROWS_WITH_AS(pass({.means2d = screen.means2d}),
+                         doctest::Contains("dL_dscreen.means2d has 4 elements, expected 5"), ShapeError);
     CHECK_THROWS_WITH_AS(pass({.conics = screen.conics}), doctest::Contains("dL_dscreen.conics has 4"), ShapeError);
     CHECK_THROWS_WITH_AS(pass({.depths = screen.depths}), doctest::Contains("dL_dscreen.depths has 4"), ShapeError);
-    CHECK_THROWS_WITH_AS(pass({.opacities = screen.opacities}), doctest::Contains("dL_dscreen.opacities has 4"), ShapeError);
+    CHECK_THROWS_WITH_AS(pass({.opacities = screen.opacities}), doctest::Contains("dL_dscreen.opacities has 4"),
+                         ShapeError);
     CHECK_THROWS_WITH_AS(pass({.colors = screen.colors}), doctest::Contains("dL_dscreen.colors has 4"), ShapeError);
     CHECK_THROWS_WITH_AS(pass({.absolute_means2d = screen.absolute}),
                          doctest::Contains("dL_dscreen.absolute_means2d has 4"), ShapeError);

@@ -29,8 +29,8 @@ struct ScreenGradient {
     Span<vec2<T>> absolute_means2d = {};
 };
 
-/// The gradient of a conic Σ⁻¹ from a splat's moments. With d = pixel - mean2d, ln α = ln opacity - dᵀ Σ⁻¹ d / 2, so the
-/// gradient is -Σ G d dᵀ / 2; and d = W⁻¹ (u, v).
+/// The gradient of a conic Σ⁻¹ from a splat's moments. With d = pixel - mean2d, ln α = ln opacity - dᵀ Σ⁻¹ d / 2, so
+/// the gradient is -Σ G d dᵀ / 2; and d = W⁻¹ (u, v).
 template <Lane T>
 [[nodiscard]] GSH_INLINE GSH_HD sym2<T> conic_gradient(const Whitening<T>& W, const SplatMoments<T>& moments) {
     using S = ScalarOf<T>;

@@ -9,5 +9,5 @@ from ._rasterization import rasterization
 from ._sh import spherical_harmonics
 from ._ssim import fused_ssim
 
-__all__ = ["Avatar", "fully_fused_projection", "fused_ssim", "quat_scale_to_covar_preci", "rasterization", "release_memory",
-           "spherical_harmonics"]
+__all__ = ["Avatar", "fully_fused_projection", "fused_ssim", "quat_scale_to_covar_preci", "rasterization",
+           "release_memory", "spherical_harmonics"]

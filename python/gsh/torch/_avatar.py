@@ -38,8 +38,8 @@ class Avatar(torch.nn.Module):
 
     ``forward`` renders it; gradients flow to the pose, the shape and the camera, not to the avatar itself. Images are
     those of gsh-render: display-referred sRGB, with the avatar's own pixel filter. ``count`` is the number of
-    Gaussians, ``joint_count`` that of joints; ``betas`` [S] is the avatar's own shape. The edges of shadows that a light
-    casts pass no gradient (``is_lit``). float32.
+    Gaussians, ``joint_count`` that of joints; ``betas`` [S] is the avatar's own shape. The edges of shadows that a
+    light casts pass no gradient (``is_lit``). float32.
     """
 
     def __init__(self, path):

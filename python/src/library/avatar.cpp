@@ -37,7 +37,8 @@ struct LoadedAvatar {
     std::vector<std::unique_ptr<PosedAvatar>> free; // whose memory serves the next pose
 
     LoadedAvatar(const char* path, int threads)
-        : backend(static_cast<std::size_t>(std::max(threads, 1))), data(gsh::load_avatar(path)), avatar(backend, data) {}
+        : backend(static_cast<std::size_t>(std::max(threads, 1))), data(gsh::load_avatar(path)),
+          avatar(backend, data) {}
 };
 
 struct PosedAvatar {
