@@ -154,14 +154,14 @@ struct Api {
                         const void* from, std::int64_t rows, void* to);
     /// The mean SSIM of a and b, and its gradient with respect to a, unless da is null.
     int (*ssim)(const SsimSizes&, const void* a, const void* b, double* value, void* da);
-    int (*load_avatar)(const char* path, int threads, void** avatar, AvatarSizes*);
-    int (*avatar_betas)(void* avatar, double* betas);
+    int (*open_avatar)(const char* path, int threads, void** avatar, AvatarSizes*);
+    int (*betas_of_avatar)(void* avatar, double* betas);
     /// *pass is for pose_avatar_backward, and then for release_posed; it keeps the avatar alive.
     int (*pose_avatar)(void* avatar, const PoseArrays&, const SplatOutputs&, void** pass);
     /// Adds to the gradients. All of dL are given.
     int (*pose_avatar_backward)(void* pass, const SplatInputs& dL, const PoseGradients&);
     void (*release_posed)(void* pass);
-    void (*release_avatar)(void* avatar);
+    void (*close_avatar)(void* avatar);
     void (*release_memory)(); ///< frees what released passes hold for the next ones
 };
 

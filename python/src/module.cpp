@@ -355,24 +355,24 @@ double ssim(const Array& a, const Array& b, bool whole_windows, int threads, con
     return value;
 }
 
-constexpr const char *avatar_name = "gsh.avatar", *posed_name = "gsh.posed";
+constexpr const char *avatar_name = "gsh.opened_avatar", *posed_name = "gsh.posed_avatar";
 
 /// The avatar, its numbers of Gaussians, joints, betas and expression coefficients, its filter, whether it is lit, and
 /// its betas.
-nb::tuple load_avatar(const std::string& path, int threads) {
+nb::tuple open_avatar(const std::string& path, int threads) {
     void* avatar = nullptr;
     AvatarSizes sizes{};
-    run([&] { return api().load_avatar(path.c_str(), threads, &avatar, &sizes); });
-    const nb::capsule capsule(avatar, avatar_name, [](void* p) noexcept { api().release_avatar(p); });
+    run([&] { return api().open_avatar(path.c_str(), threads, &avatar, &sizes); });
+    const nb::capsule capsule(avatar, avatar_name, [](void* p) noexcept { api().close_avatar(p); });
     std::vector<double> betas(static_cast<std::size_t>(sizes.betas));
-    check(api().avatar_betas(avatar, betas.data()));
+    check(api().betas_of_avatar(avatar, betas.data()));
     nb::list list;
     for (const double beta : betas) list.append(beta);
     return nb::make_tuple(capsule, sizes.count, sizes.joints, sizes.betas, sizes.expression, sizes.dilation,
                           sizes.compensate != 0, sizes.lit != 0, list);
 }
 
-/// Arrays of an avatar's pose and splats; sizes: those of load_avatar.
+/// Arrays of an avatar's pose and splats; sizes: those of open_avatar.
 nb::capsule pose_avatar(const nb::capsule& avatar, std::int64_t joints, std::int64_t coefficient_count,
                         std::int64_t count, const Array& pose, const Array& coefficients, const Array& transl,
                         const Array& center, const Array& means, const Array& covars, const Array& opacities,
@@ -450,7 +450,7 @@ NB_MODULE(_gsh, m) {
     m.def("scatter_rows", &scatter_rows, nb::arg("from_"), nb::arg("ids"), nb::arg("threads"), nb::arg("to"));
     m.def("ssim", &ssim, nb::arg("a"), nb::arg("b"), nb::arg("whole_windows"), nb::arg("threads"),
           nb::arg("da").none());
-    m.def("load_avatar", &load_avatar, nb::arg("path"), nb::arg("threads"));
+    m.def("open_avatar", &open_avatar, nb::arg("path"), nb::arg("threads"));
     m.def("pose_avatar", &pose_avatar);
     m.def("pose_avatar_backward", &pose_avatar_backward);
     m.def("release_memory", [] { api().release_memory(); });

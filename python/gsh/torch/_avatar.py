@@ -46,7 +46,7 @@ class Avatar(torch.nn.Module):
         super().__init__()
         self.path = os.fspath(path)
         (self._handle, self.count, self.joint_count, self.beta_count, self.expression_count, dilation, compensate,
-         self.is_lit, betas) = _gsh.load_avatar(self.path, torch.get_num_threads())
+         self.is_lit, betas) = _gsh.open_avatar(self.path, torch.get_num_threads())
         self.register_buffer("betas", torch.tensor(betas, dtype=torch.float32), persistent=False)
         self._sizes = (self.joint_count, self.beta_count + self.expression_count, self.count)
         # As gsh::RasterParams: dilation, near plane; far plane, smallest radius; compensation and its floor; largest

@@ -27,12 +27,12 @@ extern "C" const gsh_python::Api* gsh_python_api() {
                                          .gather_rows = &gsh_python::gather_rows,
                                          .scatter_rows = &gsh_python::scatter_rows,
                                          .ssim = &gsh_python::ssim,
-                                         .load_avatar = &gsh_python::load_avatar,
-                                         .avatar_betas = &gsh_python::avatar_betas,
+                                         .open_avatar = &gsh_python::open_avatar,
+                                         .betas_of_avatar = &gsh_python::betas_of_avatar,
                                          .pose_avatar = &gsh_python::pose_avatar,
                                          .pose_avatar_backward = &gsh_python::pose_avatar_backward,
                                          .release_posed = &gsh_python::release_posed,
-                                         .release_avatar = &gsh_python::release_avatar,
+                                         .close_avatar = &gsh_python::close_avatar,
                                          .release_memory = &gsh_python::release_memory};
     return &api;
 }

@@ -55,7 +55,7 @@ struct PosedAvatar {
 
 } // namespace
 
-int load_avatar(const char* path, int threads, void** avatar, AvatarSizes* sizes) {
+int open_avatar(const char* path, int threads, void** avatar, AvatarSizes* sizes) {
     return guarded([&] {
         auto loaded = std::make_unique<std::shared_ptr<LoadedAvatar>>(std::make_shared<LoadedAvatar>(path, threads));
         const AvatarData& data = (*loaded)->data;
@@ -70,7 +70,7 @@ int load_avatar(const char* path, int threads, void** avatar, AvatarSizes* sizes
     });
 }
 
-int avatar_betas(void* avatar, double* betas) {
+int betas_of_avatar(void* avatar, double* betas) {
     return guarded([&] {
         const std::vector<double>& own = (*static_cast<std::shared_ptr<LoadedAvatar>*>(avatar))->data.rig.betas;
         std::copy(own.begin(), own.end(), betas);
@@ -124,6 +124,6 @@ void release_posed(void* pass) {
     if (owner->free.size() < 2) owner->free.push_back(std::move(posed));
 }
 
-void release_avatar(void* avatar) { delete static_cast<std::shared_ptr<LoadedAvatar>*>(avatar); }
+void close_avatar(void* avatar) { delete static_cast<std::shared_ptr<LoadedAvatar>*>(avatar); }
 
 } // namespace gsh_python

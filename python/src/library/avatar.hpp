@@ -6,11 +6,11 @@
 
 namespace gsh_python {
 
-int load_avatar(const char* path, int threads, void** avatar, AvatarSizes* sizes);
-int avatar_betas(void* avatar, double* betas);
+int open_avatar(const char* path, int threads, void** avatar, AvatarSizes* sizes);
+int betas_of_avatar(void* avatar, double* betas);
 int pose_avatar(void* avatar, const PoseArrays&, const SplatOutputs&, void** pass);
 int pose_avatar_backward(void* pass, const SplatInputs& dL, const PoseGradients&);
 void release_posed(void* pass);
-void release_avatar(void* avatar);
+void close_avatar(void* avatar);
 
 } // namespace gsh_python
