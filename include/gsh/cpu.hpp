@@ -33,6 +33,7 @@
 #include <gsh/render/cpu/radix_sort.hpp>
 #include <gsh/render/cpu/raster_scratch.hpp>
 #include <gsh/render/cpu/rasterizer.hpp>
+#include <gsh/render/cpu/screen_backward.hpp>
 #include <gsh/render/cpu/tile.hpp>
 #include <gsh/loss/cpu/lpips.hpp>
 #include <gsh/loss/cpu/photometric.hpp>

@@ -149,6 +149,7 @@
 #include <gsh/render/projection.hpp>
 #include <gsh/render/raster_cache.hpp>
 #include <gsh/render/rasterizer.hpp>
+#include <gsh/render/screen_gradient.hpp>
 #include <gsh/render/splat_moments.hpp>
 #include <gsh/render/target.hpp>
 #include <gsh/render/tiles.hpp>

@@ -50,6 +50,26 @@ TEST_CASE("covariance_factor_backward is the gradient of covariance_factor, and 
     CHECK(dL_dq.y == 2 * once);
 }
 
+TEST_CASE("scaled_rotation is covariance_factor of the logarithms, and its adjoint adds") {
+    test::Rng rng(6);
+    quat<double> q = rng.quat(), dL_dq{0, 0, 0, 0};
+    vec3<double> scale = rng.vec(0.1, 2), dL_dscale(0.0);
+    const mat3<double> weight(rng.vec(), rng.vec(), rng.vec());
+    const auto loss = [&] {
+        const mat3<double> F = scaled_rotation(q, scale);
+        return dot(F[0], weight[0]) + dot(F[1], weight[1]) + dot(F[2], weight[2]);
+    };
+    const mat3<double> F = covariance_factor(q, vec3<double>(log(scale.x), log(scale.y), log(scale.z)));
+    for (int k = 0; k < 3; ++k) CHECK(length(scaled_rotation(q, scale)[k] - F[k]) < 1e-14);
+    scaled_rotation_backward(q, scale, weight, dL_dq, dL_dscale);
+    test::check_gradient(loss, test::scalars(q), test::scalars(dL_dq));
+    test::check_gradient(loss, test::scalars(scale), test::scalars(dL_dscale));
+    const double once = dL_dq.y, once_scale = dL_dscale.y;
+    scaled_rotation_backward(q, scale, weight, dL_dq, dL_dscale);
+    CHECK(dL_dq.y == 2 * once);
+    CHECK(dL_dscale.y == 2 * once_scale);
+}
+
 TEST_CASE("the eigenvalues of a covariance are its squared scales") {
     test::Rng rng(2);
     const vec3<double> log_scale(-1, 0.2, 0.7);

@@ -52,13 +52,14 @@ std::pair<Image<T>, Image<T>> person_on_white(int height, int width, double radi
     return {a, b};
 }
 
-/// 1 - mean SSIM in the textbook form, window by window, with zeros outside the image.
-double slow_ssim_loss(const Image<double>& a, const Image<double>& b) {
+/// 1 - mean SSIM in the textbook form, window by window, with zeros outside the image; without the windows of the
+/// outermost `margin` pixels.
+double slow_ssim_loss(const Image<double>& a, const Image<double>& b, int margin = 0) {
     double weights[11], total = 0, sum = 0;
     for (int k = 0; k < 11; ++k) total += weights[k] = std::exp(-(k - 5) * (k - 5) / 4.5);
     for (int c = 0; c < a.channels; ++c)
-        for (int y = 0; y < a.height; ++y)
-            for (int x = 0; x < a.width; ++x) {
+        for (int y = margin; y < a.height - margin; ++y)
+            for (int x = margin; x < a.width - margin; ++x) {
                 double ma = 0, mb = 0, aa = 0, bb = 0, ab = 0;
                 for (int j = std::max(y - 5, 0); j <= std::min(y + 5, a.height - 1); ++j)
                     for (int i = std::max(x - 5, 0); i <= std::min(x + 5, a.width - 1); ++i) {
@@ -69,7 +70,7 @@ double slow_ssim_loss(const Image<double>& a, const Image<double>& b) {
                 sum += (2 * ma * mb + 1e-4) * (2 * (ab - ma * mb) + 9e-4) /
                        ((ma * ma + mb * mb + 1e-4) * (aa - ma * ma + bb - mb * mb + 9e-4));
             }
-    return 1 - sum / double(a.data.size());
+    return 1 - sum / (double(a.channels) * (a.height - 2 * margin) * (a.width - 2 * margin));
 }
 
 template <class T, class B>
@@ -140,6 +141,26 @@ TEST_CASE("PhotometricLoss::backward is the gradient of forward") {
             test::check_gradient(value, a.data, result.gradient.data,
                                  {.stride = stride});
         }
+}
+
+TEST_CASE("with whole_windows, those that reach beyond the border do not count") {
+    cpu::Serial backend;
+    const PhotometricParams<double> params{.ssim_weight = 1, .whole_windows = true};
+    for (const Size size : {Size{1, 11, 11}, Size{2, 12, 30}, Size{1, 43, 75}, Size{1, 40, 70}, Size{1, 74, 139}}) {
+        auto [a, b] = different_images(size, 9);
+        const double scale = double(a.data.size());
+        const auto result = run<double>(backend, params, a, b, scale);
+        CHECK(std::abs(result.values.loss - slow_ssim_loss(a, b, 5)) < 1e-12);
+        PhotometricLoss<cpu::Serial, double> loss(backend, params);
+        PhotometricLoss<cpu::Serial, double>::Cache cache;
+        const auto value = [&] {
+            loss.forward(a.view(), b.view(), cache);
+            return scale * loss.values(cache).loss;
+        };
+        test::check_gradient(value, a.data, result.gradient.data, {.stride = a.data.size() > 1000 ? 37u : 1u});
+    }
+    const auto a = random_image({1, 10, 30}, 1);
+    CHECK_THROWS_WITH_AS(run<double>(backend, params, a, a), doctest::Contains("11 x 11 pixels or more"), ValueError);
 }
 
 TEST_CASE("the gradient reaches as far as windows do, also out of equal regions") {

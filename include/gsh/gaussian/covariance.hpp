@@ -34,6 +34,25 @@ struct CovarianceFactor {
 
 } // namespace detail
 
+/// F = R diag(scale) with R from the normalised q, for scales that are not logarithms; the covariance is F Fᵀ.
+template <Lane T>
+[[nodiscard]] GSH_HD mat3<T> scaled_rotation(const quat<T>& q, const vec3<T>& scale) {
+    const mat3<T> R = rotation_matrix(normalize(q));
+    return mat3<T>(R[0] * scale.x, R[1] * scale.y, R[2] * scale.z);
+}
+
+/// Adjoint of scaled_rotation: adds to dL_dq and dL_dscale.
+template <Lane T>
+GSH_HD void scaled_rotation_backward(const quat<T>& q, const vec3<T>& scale, const mat3<T>& dL_dF, quat<T>& dL_dq,
+                                     vec3<T>& dL_dscale) {
+    const quat<T> unit = normalize(q);
+    const mat3<T> R = rotation_matrix(unit);
+    dL_dscale += vec3<T>(dot(R[0], dL_dF[0]), dot(R[1], dL_dF[1]), dot(R[2], dL_dF[2]));
+    quat<T> dL_dunit{T(0), T(0), T(0), T(0)};
+    rotation_matrix_backward(unit, mat3<T>(dL_dF[0] * scale.x, dL_dF[1] * scale.y, dL_dF[2] * scale.z), dL_dunit);
+    normalize_backward(q, dL_dunit, dL_dq);
+}
+
 /// F = R diag(exp s); the covariance is F Fᵀ. A linear map M of space turns F into M F.
 ///
 /// Shapes  q [4] of any length but zero, log_scale [3].

@@ -7,6 +7,7 @@
 #include <gsh/image/composite_picture.hpp>
 #include <gsh/image/image.hpp>
 #include <gsh/loss/photometric_cache.hpp>
+#include <gsh/loss/ssim.hpp>
 
 #include <array>
 #include <concepts>
@@ -31,7 +32,8 @@ void photometric_backward(B&, const Arguments&...) {
 ///
 /// Shapes  render, truth, dL_drender [channels, height, width], any size, also smaller than the window.
 /// Units   display-referred sRGB in [0, 1]; SSIM's window is 11 x 11, Gaussian with sigma 1.5, zero beyond the border.
-/// Errors  ShapeError for images that differ in shape, or for a cache of another shape.
+/// Errors  ShapeError for images that differ in shape, or for a cache of another shape. ValueError for whole_windows
+///         and an image in which no window fits, or a backend without it.
 /// Source  loss: Kerbl et al., "3D Gaussian Splatting", 2023; SSIM: Wang et al., 2004.
 template <Backend B, std::floating_point T = float>
 class PhotometricLoss {
@@ -87,6 +89,9 @@ private:
         constexpr std::string_view where = "PhotometricLoss::forward";
         check_picture(*backend_, where, "render", render, render.channels, render.height, render.width);
         check_picture(*backend_, where, "truth", truth, render.channels, render.height, render.width);
+        check_value(!params_.whole_windows ||
+                        (render.height >= SsimWindow<T>::size && render.width >= SsimWindow<T>::size),
+                    where, "whole_windows needs an image of 11 x 11 pixels or more");
         cache.channels = render.channels, cache.height = render.height, cache.width = render.width;
         cache.with_ssim = params_.ssim_weight != T(0);
         cache.values.resize(PhotometricValues::count);

@@ -13,6 +13,8 @@ template <class T>
 struct PhotometricParams {
     T ssim_weight = T(0.2);  ///< λ of (1-λ) L1 + λ (1 - SSIM), as in 3D Gaussian Splatting
     bool skip_equal = true;  ///< skip tiles in which the images are equal: bit-identical, and faster
+    /// SSIM's mean is over the windows that lie within the image, not over those of all pixels. On the CPU backends.
+    bool whole_windows = false;
 };
 
 /// The loss and its parts.

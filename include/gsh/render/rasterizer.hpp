@@ -10,6 +10,7 @@
 #include <gsh/gaussian/splats.hpp>
 #include <gsh/image/image.hpp>
 #include <gsh/render/raster_cache.hpp>
+#include <gsh/render/screen_gradient.hpp>
 #include <gsh/render/target.hpp>
 
 #include <cmath>
@@ -38,6 +39,12 @@ template <Backend B, class... Arguments>
 void composite_backward(B&, const Arguments&...) {
     static_assert(detail::overload_is_included<B>,
                   "Rasterizer: include its backend's overloads, <gsh/render/cpu/rasterizer.hpp> or <gsh/cpu.hpp>");
+}
+template <Backend B, class... Arguments>
+void composite_backward_to_screen(B&, const Arguments&...) {
+    static_assert(detail::overload_is_included<B>,
+                  "Rasterizer::backward_to_screen is for the CPU backends: include <gsh/render/cpu/rasterizer.hpp> or "
+                  "<gsh/cpu.hpp>");
 }
 
 /// Projects Gaussians and composites them front to back over a background.
@@ -126,14 +133,7 @@ public:
         check_size(where, "means", splats.size(), cache.splat_count, "pass what forward was given");
         check_value(camera.width == cache.width && camera.height == cache.height, where,
                     "the camera has another image size than forward's");
-        check_optional(where, "dL_dtarget.color", dL_dtarget.color, 3, camera);
-        check_optional(where, "dL_dtarget.alpha", dL_dtarget.alpha, 1, camera);
-        check_optional(where, "dL_dtarget.expected_depth", dL_dtarget.expected_depth, 1, camera);
-        check_optional(where, "dL_dtarget.median_depth", dL_dtarget.median_depth, 1, camera);
-        check_value(cache.has_depth || !dL_dtarget.has_depth(), where,
-                    "dL_dtarget has a gradient of depths, and forward's target had no image of them");
-        check_optional(where, "background", background.image, 3, camera);
-        check_optional(where, "dL_dbackground.image", dL_dbackground.image, 3, camera);
+        check_images(where, background, dL_dtarget, cache, dL_dbackground);
         check_gradient(where, "dL_dsplats.means", dL_dsplats.means.size(), splats.size());
         check_gradient(where, "dL_dsplats.covariances", dL_dsplats.covariances.size(),
                        splats.is_factored() ? 0 : splats.size());
@@ -141,19 +141,28 @@ public:
         check_gradient(where, "dL_dsplats.opacities", dL_dsplats.opacities.size(), splats.size());
         check_gradient(where, "dL_dsplats.colors", dL_dsplats.colors.size(), splats.size());
         check_gradient(where, "dL_dcamera", dL_dcamera.size(), 1);
-        check_gradient(where, "dL_dbackground.color", dL_dbackground.color.size(), 1);
         check_memory(*backend_, where, "splats", splats);
-        check_memory(*backend_, where, "background", background.image);
-        check_memory(*backend_, where, "dL_dtarget.color", dL_dtarget.color);
-        check_memory(*backend_, where, "dL_dtarget.alpha", dL_dtarget.alpha);
-        check_memory(*backend_, where, "dL_dtarget.expected_depth", dL_dtarget.expected_depth);
-        check_memory(*backend_, where, "dL_dtarget.median_depth", dL_dtarget.median_depth);
         check_memory(*backend_, where, "dL_dsplats", dL_dsplats);
         check_memory(*backend_, where, "dL_dcamera", dL_dcamera);
-        check_memory(*backend_, where, "dL_dbackground.color", dL_dbackground.color);
-        check_memory(*backend_, where, "dL_dbackground.image", dL_dbackground.image);
         composite_backward(*backend_, input, splats, background, params_, dL_dtarget, cache, dL_dsplats, dL_dcamera,
                            dL_dbackground);
+    }
+
+    /// The first half of backward: adds to the gradients of the splats on the image plane, for callers who look at
+    /// these, or who have a projection of their own. The rest is project_backward. On the CPU backends.
+    void backward_to_screen(const Background<T>& background, const RenderGradient<T>& dL_dtarget, Cache& cache,
+                            const ScreenGradient<T>& dL_dscreen,
+                            const BackgroundGradient<T>& dL_dbackground = {}) const {
+        constexpr const char* where = "Rasterizer::backward_to_screen";
+        check_value(cache.width > 0, where, "the cache is not that of a forward pass");
+        check_images(where, background, dL_dtarget, cache, dL_dbackground);
+        check_gradient(where, "dL_dscreen.means2d", dL_dscreen.means2d.size(), cache.splat_count);
+        check_gradient(where, "dL_dscreen.conics", dL_dscreen.conics.size(), cache.splat_count);
+        check_gradient(where, "dL_dscreen.depths", dL_dscreen.depths.size(), cache.splat_count);
+        check_gradient(where, "dL_dscreen.opacities", dL_dscreen.opacities.size(), cache.splat_count);
+        check_gradient(where, "dL_dscreen.colors", dL_dscreen.colors.size(), cache.splat_count);
+        check_gradient(where, "dL_dscreen.absolute_means2d", dL_dscreen.absolute_means2d.size(), cache.splat_count);
+        composite_backward_to_screen(*backend_, background, params_, dL_dtarget, cache, dL_dscreen, dL_dbackground);
     }
 
     /// After a step that halted a device: throws what forward would have thrown, or gives the cache the memory that the
@@ -187,10 +196,30 @@ private:
         check_size(where, "colors", splats.colors.size(), n, "store one color per mean");
         check_value(n < std::numeric_limits<std::uint32_t>::max(), where, "more Gaussians than 32 bits can number");
     }
-    template <class U>
+    template <class U, class Size> // a camera or a cache
     static void check_optional(const char* where, const char* argument, const ImageView<U>& image, int channels,
-                               const Camera<T>& camera) {
-        if (!image.empty()) check_image(where, argument, image, channels, camera.height, camera.width);
+                               const Size& size) {
+        if (!image.empty()) check_image(where, argument, image, channels, size.height, size.width);
+    }
+    /// The images of a backward pass.
+    void check_images(const char* where, const Background<T>& background, const RenderGradient<T>& dL_dtarget,
+                      const Cache& cache, const BackgroundGradient<T>& dL_dbackground) const {
+        check_optional(where, "dL_dtarget.color", dL_dtarget.color, 3, cache);
+        check_optional(where, "dL_dtarget.alpha", dL_dtarget.alpha, 1, cache);
+        check_optional(where, "dL_dtarget.expected_depth", dL_dtarget.expected_depth, 1, cache);
+        check_optional(where, "dL_dtarget.median_depth", dL_dtarget.median_depth, 1, cache);
+        check_value(cache.has_depth || !dL_dtarget.has_depth(), where,
+                    "dL_dtarget has a gradient of depths, and forward's target had no image of them");
+        check_optional(where, "background", background.image, 3, cache);
+        check_optional(where, "dL_dbackground.image", dL_dbackground.image, 3, cache);
+        check_gradient(where, "dL_dbackground.color", dL_dbackground.color.size(), 1);
+        check_memory(*backend_, where, "background", background.image);
+        check_memory(*backend_, where, "dL_dtarget.color", dL_dtarget.color);
+        check_memory(*backend_, where, "dL_dtarget.alpha", dL_dtarget.alpha);
+        check_memory(*backend_, where, "dL_dtarget.expected_depth", dL_dtarget.expected_depth);
+        check_memory(*backend_, where, "dL_dtarget.median_depth", dL_dtarget.median_depth);
+        check_memory(*backend_, where, "dL_dbackground.color", dL_dbackground.color);
+        check_memory(*backend_, where, "dL_dbackground.image", dL_dbackground.image);
     }
     static void check_gradient(const char* where, const char* argument, std::size_t found, std::size_t expected) {
         if (found != 0) check_size(where, argument, found, expected, "or leave it empty to skip it");

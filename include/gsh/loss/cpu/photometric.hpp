@@ -64,6 +64,17 @@ struct PhotometricTiles {
     }
 };
 
+/// The pixels whose windows count for SSIM.
+struct WindowRegion {
+    int y0, y1, x0, x1;
+
+    WindowRegion(int height, int width, bool whole_windows) {
+        const int margin = whole_windows ? PhotometricTiles::radius : 0;
+        y0 = x0 = margin, y1 = height - margin, x1 = width - margin;
+    }
+    [[nodiscard]] std::size_t area() const { return std::size_t(y1 - y0) * std::size_t(x1 - x0); }
+};
+
 /// True if some window of the tile contains a pixel in which the images differ.
 template <class T>
 bool windows_differ(const ImageView<const T>& a, const ImageView<const T>& b, const PhotometricTiles::Tile& tile) {
@@ -106,7 +117,7 @@ struct PhotometricForwardTile {
     alignas(64) T loss[Tiles::columns];
 
     void run(const SsimWindow<T>& window, const ImageView<const T>& a, const ImageView<const T>& b,
-             const Tiles::Tile& tile, bool with_ssim, T* partials, double* sums) {
+             const Tiles::Tile& tile, bool with_ssim, const WindowRegion& region, T* partials, double* sums) {
         std::fill(l1, l1 + Tiles::columns, T(0));
         std::fill(dssim, dssim + Tiles::columns, T(0));
         std::fill(squares, squares + Tiles::columns, T(0));
@@ -120,7 +131,7 @@ struct PhotometricForwardTile {
         }
         if (with_ssim) {
             filter_rows(window, a, b, tile);
-            for (int y = 0; y < Tiles::rows; ++y) finish_row(window, tile, y, partials);
+            for (int y = 0; y < Tiles::rows; ++y) finish_row(window, tile, region, y, partials);
         }
         for (int x = 0; x < tile.width; ++x) {
             sums[0] += double(l1[x]), sums[1] += double(dssim[x]), sums[2] += double(squares[x]);
@@ -163,12 +174,15 @@ private:
         }
     }
 
-    /// Filters down columns and evaluates SSIM; pixels outside the image get partials of zero.
-    void finish_row(const SsimWindow<T>& window, const Tiles::Tile& tile, int y, T* partials) {
+    /// Filters down columns and evaluates SSIM; pixels outside the region get partials of zero.
+    void finish_row(const SsimWindow<T>& window, const Tiles::Tile& tile, const WindowRegion& region, int y,
+                    T* partials) {
         T* __restrict mean = partials + y * Tiles::columns;
         T* __restrict ss = mean + Tiles::area;
         T* __restrict dd = ss + Tiles::area;
-        const int valid = y < tile.height ? tile.width : 0;
+        const bool row_counts = tile.y + y >= region.y0 && tile.y + y < region.y1;
+        const int valid = row_counts ? std::clamp(region.x1 - tile.x, 0, Tiles::columns) : 0;
+        const int first = std::clamp(region.x0 - tile.x, 0, valid);
         if (valid) {
             for (int m = 0; m < moments; ++m)
                 correlate<Tiles::columns, Tiles::columns>(window.taps, along[m][y], across[m]);
@@ -177,8 +191,9 @@ private:
                 loss[x] = ssim_loss<T>({across[0][x], across[1][x], across[2][x], across[3][x]}, partial);
                 mean[x] = partial.mean, ss[x] = partial.ss, dd[x] = partial.dd;
             }
-            for (int x = 0; x < valid; ++x) dssim[x] += loss[x];
+            for (int x = first; x < valid; ++x) dssim[x] += loss[x];
         }
+        for (int x = 0; x < first; ++x) mean[x] = ss[x] = dd[x] = T(0);
         for (int x = valid; x < Tiles::columns; ++x) mean[x] = ss[x] = dd[x] = T(0);
     }
 };
@@ -266,6 +281,7 @@ void photometric_forward(B& backend, const ImageView<const T>& render, const Ima
     scratch.partials.resize(with_ssim ? 3 * Tiles::area * tiles.count() : 0);
 
     const SsimWindow<T> window;
+    const detail::WindowRegion region(render.height, render.width, params.whole_windows);
     backend.for_chunks(tiles.count(), 1, [&](std::size_t index, std::size_t, std::size_t) {
         const Tiles::Tile tile = tiles[index];
         double* sums = scratch.sums.data() + 3 * index;
@@ -273,7 +289,7 @@ void photometric_forward(B& backend, const ImageView<const T>& render, const Ima
         scratch.active[index] = !params.skip_equal || detail::windows_differ(render, truth, tile);
         if (!scratch.active[index]) return; // 1 - SSIM is 0 in each window; the partials are 0 or multiplied by 0
         detail::PhotometricForwardTile<T> work;
-        work.run(window, render, truth, tile, with_ssim,
+        work.run(window, render, truth, tile, with_ssim, region,
                  with_ssim ? scratch.partials.data() + 3 * Tiles::area * index : nullptr, sums);
     });
 
@@ -281,7 +297,8 @@ void photometric_forward(B& backend, const ImageView<const T>& render, const Ima
     for (std::size_t i = 0; i < tiles.count(); ++i)
         l1 += scratch.sums[3 * i], dssim += scratch.sums[3 * i + 1], squares += scratch.sums[3 * i + 2];
     const double count = double(std::max<std::size_t>(render.size(), 1)), weight = double(params.ssim_weight);
-    l1 /= count, dssim /= count;
+    const double windows = double(std::max<std::size_t>(std::size_t(render.channels) * region.area(), 1));
+    l1 /= count, dssim /= windows;
     cache.values[0] = (1 - weight) * l1 + weight * dssim;
     cache.values[1] = l1;
     cache.values[2] = with_ssim ? 1 - dssim : std::numeric_limits<double>::quiet_NaN();
@@ -296,7 +313,9 @@ void photometric_backward(B& backend, const ImageView<const T>& render, const Im
     const PhotometricScratch<B, T>& scratch = cache.scratch;
     const Tiles tiles{render.channels, render.height, render.width};
     const T per_element = dL_dloss / T(std::max<std::size_t>(render.size(), 1));
-    const T ssim_scale = params.ssim_weight * per_element, l1_scale = (T(1) - params.ssim_weight) * per_element;
+    const detail::WindowRegion region(render.height, render.width, params.whole_windows);
+    const T per_window = dL_dloss / T(std::max<std::size_t>(std::size_t(render.channels) * region.area(), 1));
+    const T ssim_scale = params.ssim_weight * per_window, l1_scale = (T(1) - params.ssim_weight) * per_element;
 
     const SsimWindow<T> window;
     backend.for_chunks(tiles.count(), 1, [&](std::size_t index, std::size_t, std::size_t) {

@@ -4,6 +4,7 @@
 
 #include <gsh/backend/cuda/device.cuh>
 #include <gsh/backend/cuda/reduce.cuh>
+#include <gsh/core/error.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/image/image.hpp>
 #include <gsh/loss/cuda/photometric_tile.cuh>
@@ -245,6 +246,7 @@ private:
 template <std::floating_point T, class Truth>
 void photometric_forward(Device& device, const ImageView<const T>& render, const Truth& truth,
                          const PhotometricParams<T>& params, PhotometricCache<Device, T>& cache) {
+    check_value(!params.whole_windows, "PhotometricLoss::forward", "whole_windows is for the CPU backends");
     const detail::PhotometricTiles<T> tiles(render.channels, render.height, render.width);
     PhotometricScratch<Device, T>& scratch = cache.scratch;
     scratch.active.resize(tiles.count());

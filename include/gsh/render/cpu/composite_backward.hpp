@@ -41,13 +41,13 @@ struct BatchPair {
 ///
 /// A splat's shape in its next block is computed before its gradient in this one, so that the one does not wait for the
 /// other: each alone is a long chain of dependent operations. Narrow registers are too few for that.
-template <bool Depth, class T>
+template <bool Depth, bool Absolute, class T>
 void blend_backward([[maybe_unused]] const Batch<T>& batch, [[maybe_unused]] const BatchPair* pairs,
                     [[maybe_unused]] std::size_t count, [[maybe_unused]] const BlendLimits<T>& bounds,
                     [[maybe_unused]] GradientBlock<T>* blocks, [[maybe_unused]] T* slots) {
 #if !defined(__CUDA_ARCH__) // in its pass for the device, nvcc parses host code, too, and refuses vectors of registers
     using W = Wide<T>;
-    constexpr std::size_t size = slot_size<Depth>;
+    constexpr std::size_t size = slot_size<Depth, Absolute>;
     constexpr bool in_advance = W::width == block_lanes;
     const BlendLimits<T> limits = bounds; // a local copy: the stores below cannot alias it
     const W zero(T(0));
@@ -103,6 +103,11 @@ void blend_backward([[maybe_unused]] const Batch<T>& batch, [[maybe_unused]] con
                 sums[slot_depth] += multiply_add(weight, W::load(&block.dL_ddepth[l]),
                                                  select(crosses, W::load(&block.dL_dmedian[l]), zero));
             }
+            if constexpr (Absolute) {
+                constexpr std::size_t first = slot_size<Depth>;
+                sums[first] += abs(gu);
+                sums[first + 1] += abs(multiply_add(gu, W(s.uy), gv * W(s.vy)));
+            }
         }
         if (!last) continue;
         T* const slot = slots + splat * size;
@@ -143,11 +148,11 @@ template <class T>
 }
 
 /// Second sweep over a tile's list: writes the sums of each splat to its slot. `used` and `touched` are blend_tile's.
-template <bool Depth, class T>
+template <bool Depth, bool Absolute, class T>
 void blend_tile_backward(const TilePlace& tile, Span<const ScreenSplat<T>> splats, Span<const std::uint32_t> list,
                          const BlendLimits<T>& limits, const std::uint32_t* used, const std::uint16_t* touched,
                          GradientBlock<T>* blocks, T* slots) {
-    constexpr std::size_t slot = slot_size<Depth>;
+    constexpr std::size_t slot = slot_size<Depth, Absolute>;
     Batch<T> batch;
     std::uint32_t lit = (1u << blocks_of_tile) - 1; // blocks in which splats still get a gradient
     for (std::size_t begin = 0; begin < list.size(); begin += batch.size) {
@@ -166,15 +171,15 @@ void blend_tile_backward(const TilePlace& tile, Span<const ScreenSplat<T>> splat
             else ++count;
         }
         pairs[count] = {0, 1};
-        if (count != 0) blend_backward<Depth>(batch, pairs, count, limits, blocks, slots + begin * slot);
+        if (count != 0) blend_backward<Depth, Absolute>(batch, pairs, count, limits, blocks, slots + begin * slot);
     }
 }
 
 } // namespace detail
 
 /// First stage: each tile writes its share of the gradients of its splats to their slots, and adds to the gradient of
-/// the background.
-template <CpuBackend B, std::floating_point T>
+/// the background. With Absolute, slots have the sums of absolute values, too.
+template <bool Absolute = false, CpuBackend B, std::floating_point T>
 void blend_tiles_backward(B& backend, const Background<T>& background, const RasterParams<T>& params,
                           const RenderGradient<T>& dL_dtarget, RasterCache<B, T>& cache,
                           const BackgroundGradient<T>& dL_dbackground) {
@@ -185,7 +190,7 @@ void blend_tiles_backward(B& backend, const Background<T>& background, const Ras
     const Span<const ScreenSplat<T>> splats = scratch.splats;
     const Span<const std::uint32_t> instances = scratch.instances;
     constexpr std::size_t record = pixel_channels * tile_pixels;
-    const std::size_t slot = with_depth ? slot_size<true> : slot_size<false>;
+    const std::size_t slot = with_depth ? slot_size<true, Absolute> : slot_size<false, Absolute>;
     scratch.slot_size = slot;
     scratch.slots.resize(instances.size() * slot);
     scratch.tile_background.resize(scratch.grid.size());
@@ -247,9 +252,9 @@ void blend_tiles_backward(B& backend, const Background<T>& background, const Ras
         const std::uint16_t* const touched = scratch.touched.data() + begin;
         T* const slots = scratch.slots.data() + begin * slot;
         if (with_depth)
-            blend_tile_backward<true>(tile, splats, list, limits, block_used, touched, blocks, slots);
+            blend_tile_backward<true, Absolute>(tile, splats, list, limits, block_used, touched, blocks, slots);
         else
-            blend_tile_backward<false>(tile, splats, list, limits, block_used, touched, blocks, slots);
+            blend_tile_backward<false, Absolute>(tile, splats, list, limits, block_used, touched, blocks, slots);
         std::fill(slots + used * slot, slots + (end - begin) * slot, T(0));
     });
     if (!dL_dbackground.color.empty()) {

@@ -30,9 +30,26 @@ enum SlotEntry : int {
     slot_uu, slot_uv, slot_vv,        // sum G u u, G u v, G v v
     slot_red, slot_green, slot_blue,  // sum weight * dL/d color of the pixel
     slot_depth                        // likewise for the depths, if there is such a gradient
+    // Then, for ScreenGradient::absolute_means2d: sum |G u|, sum |G (uy u + vy v)|
 };
-template <bool Depth>
-inline constexpr std::size_t slot_size = Depth ? 10 : 9;
+template <bool Depth, bool Absolute = false>
+inline constexpr std::size_t slot_size = (Depth ? 10 : 9) + (Absolute ? 2 : 0);
+
+/// Adds the first `count` entries of the slots of a splat.
+template <class Scratch, std::floating_point T>
+GSH_INLINE void add_slots(const Scratch& scratch, std::size_t splat, std::size_t count, T* sum) {
+    const auto slot_of = [&](std::size_t pair) {
+        return scratch.slots.data() + scratch.pair_places[pair] * scratch.slot_size;
+    };
+    const std::size_t pairs = scratch.pair_places.size();
+    for (std::size_t pair = scratch.pair_begin[splat]; pair < scratch.pair_begin[splat + 1]; ++pair) {
+        constexpr std::size_t ahead = 32; // the slots of a splat are scattered in memory
+        if (pair + ahead < pairs) prefetch(slot_of(pair + ahead)), prefetch(slot_of(pair + ahead) + slot_blue);
+        const T* const share = slot_of(pair);
+        for (std::size_t k = 0; k < slot_size<false>; ++k) sum[k] += share[k];
+        for (std::size_t k = slot_size<false>; k < count; ++k) sum[k] += share[k];
+    }
+}
 
 /// Carries the gradients of visible splats through their projection in batches, in registers and in double.
 template <std::floating_point T, class W = Wide<double>>
@@ -158,11 +175,6 @@ void project_splats_backward(B& backend, const Camera<T>& camera, const SplatVie
     const std::size_t n = splats.size(), chunks = chunk_count(n, splat_grain);
     const Camera<double> camera_in_double = camera.template cast<double>();
     const bool skips_dark = params.gradient_transmittance_min > T(0);
-    const bool with_depth = scratch.slot_size == slot_size<true>;
-    const std::size_t pairs = scratch.pair_places.size();
-    const auto slot_of = [&](std::size_t pair) {
-        return scratch.slots.data() + scratch.pair_places[pair] * scratch.slot_size;
-    };
     cache.screen_gradient_norms.resize(n);
     cache.screen_radii.resize(n);
     scratch.chunk_camera.resize(dL_dcamera.empty() ? 0 : chunks);
@@ -190,13 +202,7 @@ void project_splats_backward(B& backend, const Camera<T>& camera, const SplatVie
             if (!dL_dsplats.means.empty()) prefetch_for_write(dL_dsplats.means.data() + i);
             if (!cache.visible[i]) continue;
             T sum[slot_size<true>] = {};
-            for (std::size_t pair = scratch.pair_begin[i]; pair < scratch.pair_begin[i + 1]; ++pair) {
-                constexpr std::size_t ahead = 32; // the slots of a splat are scattered in memory
-                if (pair + ahead < pairs) prefetch(slot_of(pair + ahead)), prefetch(slot_of(pair + ahead) + slot_blue);
-                const T* const share = slot_of(pair);
-                for (std::size_t k = 0; k < slot_size<false>; ++k) sum[k] += share[k];
-                if (with_depth) sum[slot_depth] += share[slot_depth];
-            }
+            add_slots(scratch, i, scratch.slot_size, sum);
             const ScreenSplat<T>& s = scratch.splats[i];
             if (skips_dark && std::all_of(sum, sum + slot_size<true>, [](T number) { return number == T(0); })) {
                 cache.screen_radii[i] = static_cast<T>(screen_radius(s.w));

@@ -5,3 +5,4 @@
 #include <gsh/render/cpu/composite.hpp>
 #include <gsh/render/cpu/composite_backward.hpp>
 #include <gsh/render/cpu/raster_scratch.hpp>
+#include <gsh/render/cpu/screen_backward.hpp>
