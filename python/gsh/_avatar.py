@@ -14,7 +14,7 @@ import os
 import warnings
 from typing import Any, NamedTuple, Optional, Sequence, Union
 
-from . import _gsh
+from ._gsh import posing as _gsh
 
 PathLike = Union[str, "os.PathLike[str]"]
 Array = Any  #: an object with __dlpack__ and the buffer protocol; as an argument also a (nested) list of numbers

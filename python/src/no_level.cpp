@@ -4,7 +4,7 @@
 /// From glibc 2.33 on, this means that the processor has none of them. Older ones do not look into glibc-hwcaps/, so the
 /// library is chosen here.
 
-#include "avatar_interface.hpp"
+#include "posing_interface.hpp"
 
 #include <dlfcn.h>
 #ifdef __GLIBC__
@@ -77,8 +77,8 @@ extern "C" const gsh_python::Api* gsh_python_api() {
     return &none;
 }
 
-extern "C" const gsh_python::AvatarApi* gsh_python_avatar_api() {
-    const auto function = chosen().function<decltype(&gsh_python_avatar_api)>("gsh_python_avatar_api");
+extern "C" const gsh_python::PosingApi* gsh_python_posing_api() {
+    const auto function = chosen().function<decltype(&gsh_python_posing_api)>("gsh_python_posing_api");
     return function != nullptr ? function() : nullptr;
 }
 

@@ -4,7 +4,9 @@ trained by the programs of the package."""
 
 import json
 import os
+import struct
 import subprocess
+import zlib
 from pathlib import Path
 
 import pytest
@@ -46,6 +48,48 @@ def example(request, tmp_path_factory):
     (folder / "camera.json").write_text(json.dumps(
         {"width": camera.width, "height": camera.height, "K": camera.K, "R": camera.R, "t": camera.t}))
     return folder
+
+
+@pytest.fixture(scope="session")
+def capture(trained, tmp_path_factory):
+    """A capture of the trained avatar, filmed by gsh.render: its folder, and the body's file."""
+    np = pytest.importorskip("numpy")
+    import gsh
+
+    folder = tmp_path_factory.mktemp("capture")
+    write_motion(folder / "m.bvh")
+    gsh.retarget(folder / "m.bvh", folder / "poses.npz", trained / "avatar.gsh")
+    with np.load(trained / "avatar.gsh") as stored:
+        body = {name[len("body/"):]: stored[name] for name in stored.files if name.startswith("body/")}
+    np.savez(folder / "body.npz", **body)
+    avatar = gsh.load_avatar(trained / "avatar.gsh")
+    motion = avatar.load_motion(folder / "poses.npz")
+    places = {"front": (0, 0.1, 3), "left": (3, 0.1, 0.2), "right": (-3, 0.2, 0), "back": (0.3, 0.1, -3)}
+    cameras = []
+    for name, place in places.items():
+        camera = gsh.Camera.look_at(place, (0, -0.1, 0), 96, 128, vertical_fov=0.7)
+        cameras.append({"name": name, "role": "test" if name == "back" else "train", "width": camera.width,
+                        "height": camera.height, "K": camera.K, "R": camera.R, "t": camera.t})
+        (folder / "images" / name).mkdir(parents=True)
+        for frame in range(len(motion)):
+            picture = gsh.render(avatar.pose(motion, frame=frame, camera=camera), camera)
+            alpha = np.asarray(picture.alpha)[..., None]
+            color = np.where(alpha > 0, np.asarray(picture.color) / np.maximum(alpha, 1e-3), 0)
+            pixels = np.clip(np.concatenate([color, alpha], axis=-1) * 255 + 0.5, 0, 255).astype(np.uint8)
+            write_png(folder / "images" / name / f"{frame:04d}.png", pixels)
+    (folder / "cameras.json").write_text(json.dumps({"cameras": cameras, "fps": 4}))
+    return folder, folder / "body.npz"
+
+
+def write_png(path, pixels):
+    """Pixels [height, width, 4] of uint8."""
+    def chunk(kind, data):
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+    height, width, _ = pixels.shape
+    rows = b"".join(b"\0" + row.tobytes() for row in pixels)
+    path.write_bytes(b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 6, 0, 0, 0)) +
+                     chunk(b"IDAT", zlib.compress(rows)) + chunk(b"IEND", b""))
 
 
 def write_motion(path):

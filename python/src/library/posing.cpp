@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Avatars, motions and pictures of them: gsh's own classes behind the handles of avatar_interface.hpp.
+/// @file  Avatars, motions and pictures of them: gsh's own classes behind the handles of posing_interface.hpp.
 
-#include "avatar_interface.hpp"
+#include "posing_interface.hpp"
 #include "library/errors.hpp"
 
 #include <gsh/avatar/avatar.hpp>
@@ -298,9 +298,9 @@ int look_at(const double* eye, const double* target, const double* up, double ve
 
 } // namespace gsh_python
 
-extern "C" const gsh_python::AvatarApi* gsh_python_avatar_api() {
+extern "C" const gsh_python::PosingApi* gsh_python_posing_api() {
     using namespace gsh_python;
-    static constexpr AvatarApi api{.load_avatar = &gsh_python::load_avatar,
+    static constexpr PosingApi api{.load_avatar = &gsh_python::load_avatar,
                                    .release_avatar = &release_avatar,
                                    .avatar_info = &avatar_info,
                                    .joint_names = &joint_names,

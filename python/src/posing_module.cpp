@@ -2,9 +2,9 @@
 /// @file  Avatars in the extension module: handles as capsules, arrays that share their memory, and numbers of users as
 ///        whatever gives an array or is a sequence.
 
-#include "avatar_module.hpp"
+#include "posing_module.hpp"
 
-#include "avatar_interface.hpp"
+#include "posing_interface.hpp"
 
 #include <nanobind/ndarray.h>
 #include <nanobind/stl/string.h>
@@ -23,9 +23,9 @@ namespace gsh_python {
 
 namespace {
 
-constexpr const char *avatar_name = "gsh.avatar", *motion_name = "gsh.motion", *splats_name = "gsh.splats";
+constexpr const char *avatar_name = "gsh.posing.avatar", *motion_name = "gsh.posing.motion", *splats_name = "gsh.posing.splats";
 
-const AvatarApi& api() { return *gsh_python_avatar_api(); }
+const PosingApi& api() { return *gsh_python_posing_api(); }
 
 [[noreturn]] void raise(PyObject* type, const std::string& message) {
     PyErr_SetString(type, message.c_str());
@@ -358,7 +358,8 @@ nb::tuple look_at(nb::object eye, nb::object target, nb::object up, double verti
 
 } // namespace
 
-void add_avatar_functions(nb::module_& m) {
+void add_posing_functions(nb::module_& module) {
+    nb::module_ m = module.def_submodule("posing");
     m.def("load_avatar", &load_avatar, nb::arg("path"), nb::arg("threads"));
     m.def("avatar_info", &avatar_info, nb::arg("avatar"));
     m.def("load_motion", &load_motion, nb::arg("avatar"), nb::arg("path"), nb::arg("upright"), nb::arg("input_fps"),

@@ -65,7 +65,7 @@ struct Texts {
     void (*add)(void* list, const char* text);
 };
 
-struct AvatarApi {
+struct PosingApi {
     int (*load_avatar)(const char* path, int threads, AvatarHandle** avatar);
     void (*release_avatar)(AvatarHandle* avatar);
     AvatarInfo (*avatar_info)(const AvatarHandle& avatar);
@@ -97,4 +97,4 @@ struct AvatarApi {
 
 } // namespace gsh_python
 
-extern "C" const gsh_python::AvatarApi* gsh_python_avatar_api();
+extern "C" const gsh_python::PosingApi* gsh_python_posing_api();

@@ -1,0 +1,43 @@
+/* SPDX-License-Identifier: Apache-2.0
+ * What the static libstdc++ of GCC 12 and its headers expect of glibc, and glibc 2.27 does not have. Every library and
+ * executable of the wheel gets a copy of its own. */
+#define _GNU_SOURCE
+#include <errno.h>
+#include <pthread.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <sys/random.h>
+#include <time.h>
+
+#define HIDDEN __attribute__((visibility("hidden")))
+
+/* Not known: counters are then always atomic. */
+HIDDEN char __libc_single_threaded = 0;
+
+/* For std::random_device. */
+HIDDEN uint32_t arc4random(void) {
+    uint32_t value;
+    while (getrandom(&value, sizeof value, 0) != (ssize_t)sizeof value)
+        if (errno != EINTR) abort();
+    return value;
+}
+
+static struct timespec later(struct timespec now, struct timespec from, struct timespec to) {
+    now.tv_sec += to.tv_sec - from.tv_sec;
+    now.tv_nsec += to.tv_nsec - from.tv_nsec;
+    if (now.tv_nsec < 0) now.tv_nsec += 1000000000, --now.tv_sec;
+    if (now.tv_nsec >= 1000000000) now.tv_nsec -= 1000000000, ++now.tv_sec;
+    return now;
+}
+
+/* For std::condition_variable, which asks for the monotonic clock; its conditions have the clock of the calendar. If
+ * that is set while somebody waits, the wait is shorter or longer; callers check what they wait for. */
+HIDDEN int pthread_cond_clockwait(pthread_cond_t* condition, pthread_mutex_t* mutex, clockid_t clock,
+                                  const struct timespec* until) {
+    struct timespec here, calendar;
+    if (clock == CLOCK_REALTIME) return pthread_cond_timedwait(condition, mutex, until);
+    clock_gettime(clock, &here);
+    clock_gettime(CLOCK_REALTIME, &calendar);
+    calendar = later(calendar, here, *until);
+    return pthread_cond_timedwait(condition, mutex, &calendar);
+}
