@@ -9,7 +9,7 @@
 
 namespace gsh_python {
 
-inline constexpr int file_failed = 4; ///< a further Status: a file that is missing, cannot be read, or is of another kind
+inline constexpr int file_failed = 4; ///< a further Status: a file is missing, damaged or of another kind
 
 struct AvatarHandle;
 struct MotionHandle;

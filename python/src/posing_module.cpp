@@ -23,7 +23,8 @@ namespace gsh_python {
 
 namespace {
 
-constexpr const char *avatar_name = "gsh.posing.avatar", *motion_name = "gsh.posing.motion", *splats_name = "gsh.posing.splats";
+constexpr const char *avatar_name = "gsh.posing.avatar", *motion_name = "gsh.posing.motion",
+                     *splats_name = "gsh.posing.splats";
 
 const PosingApi& api() { return *gsh_python_posing_api(); }
 
@@ -63,7 +64,9 @@ struct Numbers {
     return text + "]";
 }
 
-[[nodiscard]] std::string class_name(nb::handle object) { return nb::cast<std::string>(object.type().attr("__name__")); }
+[[nodiscard]] std::string class_name(nb::handle object) {
+    return nb::cast<std::string>(object.type().attr("__name__"));
+}
 
 /// Appends a sequence of numbers, or of such sequences, and finds its shape.
 void flatten(nb::handle object, const std::string& name, std::size_t axis, Numbers& numbers) {
@@ -111,7 +114,8 @@ void append(const nb::ndarray<nb::ro>& array, Numbers& numbers) {
     } else if (nb::try_cast(object, array)) {
         if (array.device_type() != nb::device::cpu::value)
             raise(PyExc_ValueError, name + " is not in the memory of the CPU; copy it there first");
-        for (std::size_t a = 0; a < array.ndim(); ++a) numbers.shape.push_back(static_cast<std::int64_t>(array.shape(a)));
+        for (std::size_t a = 0; a < array.ndim(); ++a)
+            numbers.shape.push_back(static_cast<std::int64_t>(array.shape(a)));
         if (array.dtype() == nb::dtype<float>()) append<float>(array, numbers);
         else if (array.dtype() == nb::dtype<double>()) append<double>(array, numbers);
         else
@@ -149,7 +153,8 @@ template <class T>
     for (const std::int64_t n : shape) sizes.push_back(static_cast<std::size_t>(n));
     static std::remove_const_t<T> nothing{};
     T* const memory = data != nullptr ? data : &nothing; // of an array without elements
-    return nb::cast(nb::ndarray<nb::array_api, T, nb::c_contig, nb::device::cpu>(memory, sizes.size(), sizes.data(), owner));
+    return nb::cast(nb::ndarray<nb::array_api, T, nb::c_contig, nb::device::cpu>(memory, sizes.size(), sizes.data(),
+                                                                                 owner));
 }
 
 /// A new array of float32, and its memory.
@@ -190,7 +195,8 @@ template <class Handle>
 nb::capsule load_avatar(const std::string& path, int threads) {
     AvatarHandle* avatar = nullptr;
     run([&] { return api().load_avatar(path.c_str(), threads, &avatar); });
-    return nb::capsule(avatar, avatar_name, [](void* p) noexcept { api().release_avatar(static_cast<AvatarHandle*>(p)); });
+    return nb::capsule(avatar, avatar_name,
+                       [](void* p) noexcept { api().release_avatar(static_cast<AvatarHandle*>(p)); });
 }
 
 nb::dict avatar_info(const nb::capsule& avatar) {
@@ -241,7 +247,8 @@ nb::dict motion_info(const nb::capsule& motion) {
 nb::capsule make_splats(const nb::capsule& avatar) {
     SplatsHandle* splats = nullptr;
     run([&] { return api().make_splats(avatar_of(avatar), &splats); });
-    return nb::capsule(splats, splats_name, [](void* p) noexcept { api().release_splats(static_cast<SplatsHandle*>(p)); });
+    return nb::capsule(splats, splats_name,
+                       [](void* p) noexcept { api().release_splats(static_cast<SplatsHandle*>(p)); });
 }
 
 nb::dict splats_info(const nb::capsule& splats) {
@@ -348,8 +355,8 @@ nb::tuple check_camera(int width, int height, nb::object K, nb::object R, nb::ob
 nb::tuple look_at(nb::object eye, nb::object target, nb::object up, double vertical_fov, int width, int height) {
     CameraNumbers camera{};
     camera.width = width, camera.height = height;
-    const Numbers e = numbers_of(eye, "Camera.look_at: eye", {3}), at = numbers_of(target, "Camera.look_at: target", {3}),
-                  u = numbers_of(up, "Camera.look_at: up", {3});
+    const Numbers e = numbers_of(eye, "Camera.look_at: eye", {3}),
+                  at = numbers_of(target, "Camera.look_at: target", {3}), u = numbers_of(up, "Camera.look_at: up", {3});
     for (const Numbers* vector : {&e, &at, &u})
         if (vector->values.empty()) raise(PyExc_TypeError, "Camera.look_at: eye, target and up must not be None");
     run([&] { return api().look_at(e.data(), at.data(), u.data(), vertical_fov, &camera); });
@@ -376,8 +383,8 @@ void add_posing_functions(nb::module_& module) {
     m.def("read_camera", &read_camera, nb::arg("path"), nb::arg("name"));
     m.def("check_camera", &check_camera, nb::arg("width"), nb::arg("height"), nb::arg("K").none(),
           nb::arg("R").none(), nb::arg("t").none());
-    m.def("look_at", &look_at, nb::arg("eye").none(), nb::arg("target").none(), nb::arg("up").none(), nb::arg("vertical_fov"),
-          nb::arg("width"), nb::arg("height"));
+    m.def("look_at", &look_at, nb::arg("eye").none(), nb::arg("target").none(), nb::arg("up").none(),
+          nb::arg("vertical_fov"), nb::arg("width"), nb::arg("height"));
 }
 
 } // namespace gsh_python

@@ -124,10 +124,10 @@ def write_motion(path):
     for side, sign in (("Left", 1), ("Right", -1)):
         chain(1, [(side + "UpLeg", (9 * sign, -5, 0)), (side + "Leg", (0, -40, 0)), (side + "Foot", (0, -42, 0))])
     lines.append("}")
-    count = 15
+    count = 16
     lines += ["MOTION", "Frames: 8", "Frame Time: 0.25"]
     for frame in range(8):
-        numbers = [0, 90, 0] + [0] * (3 * count)
+        numbers = [0] * (3 + 3 * count)
         numbers[3 + 3 * 4] = 10 * frame  # the left arm
         lines.append(" ".join(map(str, numbers)))
     Path(path).write_text("\n".join(lines) + "\n")

@@ -15,7 +15,17 @@ import pytest
 from conftest import has_programs, write_motion
 
 pytestmark = pytest.mark.skipif(not has_programs(), reason="the package was built without programs")
-small = dict(synthetic=True, gaussians=3000)
+
+
+@pytest.fixture(scope="module")
+def small(capture):
+    """Arguments of a reconstruction that takes a second."""
+    folder, body = capture
+    return dict(capture=folder, body=body, gaussians=2000, config="baseline")
+
+
+def words_of(small):
+    return [f"--{name}={value}" for name, value in small.items()]
 
 
 def digest(path):
@@ -26,7 +36,7 @@ def module(*words, **options):
     return subprocess.run([sys.executable, "-m", "gsh", *map(str, words)], capture_output=True, text=True, **options)
 
 
-def test_a_reconstruction_reports_its_progress_and_returns_its_figures(tmp_path):
+def test_a_reconstruction_reports_its_progress_and_returns_its_figures(small, tmp_path):
     calls = []
     figures = gsh.reconstruct(out=tmp_path / "a", steps=3, **small, progress=lambda *call: calls.append(call))
     assert figures == json.loads((tmp_path / "a/metrics.json").read_text())
@@ -34,13 +44,14 @@ def test_a_reconstruction_reports_its_progress_and_returns_its_figures(tmp_path)
     steps = [share for stage, share, details in calls if stage == "training" and share is not None]
     assert steps == sorted(steps) and steps[-1] == 1 and len(steps) == 3
     assert all(isinstance(details, str) for _, _, details in calls)
-    assert len(gsh.load_avatar(tmp_path / "a/avatar.gsh")) == 3000
+    assert len(gsh.load_avatar(tmp_path / "a/avatar.gsh")) == 2000
 
 
-def test_a_reconstruction_is_that_of_the_command(trained, tmp_path):
-    run = module("reconstruct", "--synthetic", "--out", tmp_path / "b", "--steps", 3, "--gaussians", 3000)
+def test_a_reconstruction_is_that_of_the_command(small, tmp_path):
+    gsh.reconstruct(out=tmp_path / "a", steps=3, **small)
+    run = module("reconstruct", *words_of(small), "--out", tmp_path / "b", "--steps", 3)
     assert run.returncode == 0, run.stderr
-    assert digest(tmp_path / "b/avatar.gsh") == digest(trained / "avatar.gsh")
+    assert digest(tmp_path / "b/avatar.gsh") == digest(tmp_path / "a/avatar.gsh")
 
 
 def test_a_capture_on_disk_is_checked_reconstructed_and_evaluated(capture, tmp_path):
@@ -56,18 +67,20 @@ def test_a_capture_on_disk_is_checked_reconstructed_and_evaluated(capture, tmp_p
         gsh.evaluate(folder, body, tmp_path / "c", "no-such", steps=2)
 
 
-def test_errors_have_the_words_of_the_library_and_leave_nothing(tmp_path):
+def test_errors_have_the_words_of_the_library_and_leave_nothing(small, tmp_path):
     out = tmp_path / "out"
     with pytest.raises(ValueError, match="steps"):
         gsh.reconstruct(out=out, steps=-3, **small)
     with pytest.raises(ValueError, match="no_such_option|no-such-option"):
         gsh.reconstruct(out=out, no_such_option=1, **small)
+    with pytest.raises(OSError, match="no-body.npz"):
+        gsh.reconstruct(small["capture"], tmp_path / "no-body.npz", out)
     with pytest.raises((ValueError, OSError), match="nowhere"):
-        gsh.reconstruct(tmp_path / "nowhere", tmp_path / "body.npz", out)
+        gsh.reconstruct(tmp_path / "nowhere", small["body"], out)
     with pytest.raises((ValueError, OSError), match="nowhere"):
-        gsh.evaluate(tmp_path / "nowhere", tmp_path / "body.npz", out, "light")
+        gsh.evaluate(tmp_path / "nowhere", small["body"], out, "light")
     with pytest.raises((ValueError, OSError), match="nowhere"):
-        gsh.check(tmp_path / "nowhere", tmp_path / "body.npz", out)
+        gsh.check(tmp_path / "nowhere", small["body"], out)
     with pytest.raises((ValueError, OSError), match="nowhere"):
         gsh.export(tmp_path / "nowhere.gsh", tmp_path / "a.ply")
     with pytest.raises((ValueError, OSError), match="nowhere"):
@@ -90,7 +103,7 @@ def test_wrong_arguments_are_refused_by_name(tmp_path):
         gsh.reconstruct(out="", synthetic=True)
 
 
-def test_an_error_of_progress_ends_the_run_with_its_checkpoint(tmp_path):
+def test_an_error_of_progress_ends_the_run_with_its_checkpoint(small, tmp_path):
     def progress(stage, share, details):
         if stage == "training" and share:
             raise LookupError("enough")
@@ -102,7 +115,7 @@ def test_an_error_of_progress_ends_the_run_with_its_checkpoint(tmp_path):
         gsh.reconstruct(out=tmp_path / "a", resume=True, progress=progress)
 
 
-def test_ctrl_c_is_a_keyboard_interrupt_after_the_checkpoint(tmp_path):
+def test_ctrl_c_is_a_keyboard_interrupt_after_the_checkpoint(small, tmp_path):
     begun = threading.Event()
 
     def interrupt():
@@ -116,18 +129,19 @@ def test_ctrl_c_is_a_keyboard_interrupt_after_the_checkpoint(tmp_path):
     assert [path.name for path in (tmp_path / "a").iterdir()] == ["checkpoint.gsh"]
 
 
-def test_a_run_ends_in_order_when_its_python_is_killed(tmp_path):
+def test_a_run_ends_in_order_when_its_python_is_killed(small, tmp_path):
     code = ("import gsh, sys\n"
-            "gsh.reconstruct(out=sys.argv[1], steps=100000, synthetic=True, gaussians=3000,\n"
+            "gsh.reconstruct(sys.argv[1], sys.argv[2], sys.argv[3], steps=100000, gaussians=2000, config='baseline',\n"
             "                progress=lambda stage, share, _: print(stage, share, flush=True))")
-    process = subprocess.Popen([sys.executable, "-c", code, tmp_path / "a"], stdout=subprocess.PIPE, text=True)
+    process = subprocess.Popen([sys.executable, "-c", code, small["capture"], small["body"], tmp_path / "a"],
+                               stdout=subprocess.PIPE, text=True)
     for line in process.stdout:
         if line.startswith("training 0."):
             break
     process.kill()
     process.wait()
-    for _ in range(300):
-        if not subprocess.run(["pgrep", "-f", f"--out={tmp_path}/a"], capture_output=True).stdout:
+    for _ in range(600):
+        if not (tmp_path / "a/.gsh-lock").exists():
             break
         time.sleep(0.1)
     assert [path.name for path in (tmp_path / "a").iterdir()] == ["checkpoint.gsh"]
@@ -154,9 +168,9 @@ def test_commands_have_the_programs_exit_codes_and_streams(tmp_path):
     assert "demo" in module("--help").stdout
 
 
-def test_a_command_is_interrupted_as_the_program_is(tmp_path):
-    process = subprocess.Popen([sys.executable, "-m", "gsh", "reconstruct", "--synthetic", "--steps", "100000",
-                                "--gaussians", "3000", "--checkpoint-interval", "0.1", "--out", str(tmp_path / "a")],
+def test_a_command_is_interrupted_as_the_program_is(small, tmp_path):
+    process = subprocess.Popen([sys.executable, "-m", "gsh", "reconstruct", *words_of(small), "--steps", "100000",
+                                "--checkpoint-interval", "0.1", "--out", str(tmp_path / "a")],
                                stderr=subprocess.PIPE, text=True)
     checkpoint = tmp_path / "a/checkpoint.gsh"
     while not checkpoint.exists() and process.poll() is None:
