@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
- * What the static libstdc++ of GCC 12 and its headers expect of glibc, and glibc 2.27 does not have. Every library and
- * executable of the wheel gets a copy of its own. */
+ * What the static libstdc++ of GCC 12, its headers, and libraries configured with the headers of Debian 12 expect of
+ * glibc, and glibc 2.27 does not have. Every library and executable of the wheel gets a copy of its own. */
 #define _GNU_SOURCE
 #include <errno.h>
 #include <pthread.h>
@@ -14,11 +14,19 @@
 /* Not known: counters are then always atomic. */
 HIDDEN char __libc_single_threaded = 0;
 
-/* For std::random_device. */
+/* For libzip, and below for std::random_device. */
+HIDDEN void arc4random_buf(void* buffer, size_t size) {
+    unsigned char* next = buffer;
+    while (size > 0) {
+        const ssize_t count = getrandom(next, size < 256 ? size : 256, 0); /* as many as come at once */
+        if (count < 0 && errno != EINTR) abort();
+        if (count > 0) next += count, size -= (size_t)count;
+    }
+}
+
 HIDDEN uint32_t arc4random(void) {
     uint32_t value;
-    while (getrandom(&value, sizeof value, 0) != (ssize_t)sizeof value)
-        if (errno != EINTR) abort();
+    arc4random_buf(&value, sizeof value);
     return value;
 }
 
