@@ -2,6 +2,8 @@
 /// @file  Messages of programs on standard error, one line each, and command lines in them.
 #pragma once
 
+#include "common/reports.hpp"
+
 #include <unistd.h>
 
 #include <cctype>
@@ -20,6 +22,7 @@ inline std::string one_line(std::string text) {
 /// Prints a warning, on a terminal in place of the line of progress, which is drawn again below it.
 inline void warn(const std::string& message) {
     std::fprintf(stderr, "%swarning: %s\n", isatty(STDERR_FILENO) == 1 ? "\r\033[K" : "", one_line(message).c_str());
+    send_report({"warning", message});
 }
 
 /// A word of a command line.

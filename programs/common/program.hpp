@@ -6,7 +6,10 @@
 #include "common/exit_codes.hpp"
 #include "common/interrupts.hpp"
 #include "common/messages.hpp"
+#include "common/reports.hpp"
 #include "common/version.hpp"
+
+#include <gsh/core/error.hpp>
 
 #include <CLI/CLI.hpp>
 
@@ -36,7 +39,8 @@ inline void return_freed_arrays() {
 /// Parses the command line, runs the work, and turns every failure into one line on standard error.
 template <class Work>
 int run_program(CLI::App& app, int argc, char** argv, const Work& work) {
-    const auto refuse = [&](const std::string& message) {
+    const auto refuse = [&](const std::string& message, const char* error) {
+        send_report({"error", error, message});
         std::fprintf(stderr, "%s: %s\n", app.get_name().c_str(), one_line(message).c_str());
         return exit_bad_input;
     };
@@ -48,11 +52,17 @@ int run_program(CLI::App& app, int argc, char** argv, const Work& work) {
         return work();
     } catch (const CLI::ParseError& error) {
         if (error.get_exit_code() == 0) return app.exit(error); // --help, --version
-        return refuse(std::string(error.what()) + "; --help lists all options");
+        return refuse(std::string(error.what()) + "; --help lists all options", "ValueError");
     } catch (const std::bad_alloc&) {
-        return refuse("out of memory");
+        return refuse("out of memory", "bad_alloc");
+    } catch (const ShapeError& error) {
+        return refuse(error.what(), "ShapeError");
+    } catch (const ValueError& error) {
+        return refuse(error.what(), "ValueError");
+    } catch (const IoError& error) {
+        return refuse(error.what(), "IoError");
     } catch (const std::exception& error) {
-        return refuse(error.what());
+        return refuse(error.what(), "Error");
     }
 }
 

@@ -2,6 +2,8 @@
 /// @file  A progress line: redrawn on a terminal, as wide as it, and printed every ten seconds in a log.
 #pragma once
 
+#include "common/reports.hpp"
+
 #include <sys/ioctl.h>
 #include <unistd.h>
 
@@ -77,13 +79,16 @@ namespace gsh::programs {
 class Progress {
 public:
     explicit Progress(std::string title)
-        : title_(std::move(title)), terminal_(isatty(STDERR_FILENO) == 1), ticker_([this] { tick(); }) {}
+        : title_(std::move(title)), terminal_(isatty(STDERR_FILENO) == 1), ticker_([this] { tick(); }) {
+        send_report({"progress", title_, "", ""}, WhenFull::drop);
+    }
     Progress(const Progress&) = delete;
     Progress& operator=(const Progress&) = delete;
     ~Progress() { finish(); }
 
     /// `fraction` is in [0, 1]; `details` follow the percentage, in pieces as progress_line takes them.
     void show(double fraction, const std::string& details) {
+        send_report({"progress", title_, std::to_string(fraction), details}, WhenFull::drop);
         const std::lock_guard lock(mutex_);
         const auto now = Clock::now();
         if (!fraction_) {

@@ -4,6 +4,7 @@
 /// Its functions are for gsh's own Python code, which checks what users pass and makes the arrays of results. They
 /// check once more that each array has the shape and the type that the library will read or write.
 
+#include "posing_module.hpp"
 #include "interface.hpp"
 
 #include <nanobind/nanobind.h>
@@ -417,6 +418,7 @@ void pose_avatar_backward(const nb::capsule& posed, std::int64_t joints, std::in
 NB_MODULE(_gsh, m) {
     if (api().refusal != nullptr) throw nb::import_error(api().refusal);
     m.attr("instruction_set") = api().instruction_set;
+    add_posing_functions(m);
     // Arguments that are None need a name, so the lists below are spelled out.
     m.def("project", &project, nb::arg("means"), nb::arg("quats").none(), nb::arg("scales").none(),
           nb::arg("covars").none(), nb::arg("opacities").none(), nb::arg("viewmats"), nb::arg("Ks"), nb::arg("width"),
