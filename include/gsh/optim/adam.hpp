@@ -29,6 +29,9 @@ struct AdamCoefficients {
 };
 
 /// Updates m, v and the parameter of one element (per lane). step_size takes the place of the coefficients' own.
+#if defined(__NVCC__)
+#pragma nv_exec_check_disable // a register's operations are host functions
+#endif
 template <Lane T>
 GSH_INLINE GSH_HD void adam_update(T& parameter, T gradient, T& m, T& v, const AdamCoefficients<ScalarOf<T>>& c,
                                    T step_size) {
