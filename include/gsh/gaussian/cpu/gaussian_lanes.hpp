@@ -8,11 +8,30 @@
 #include <gsh/math/wide.hpp>
 #include <gsh/math/wide_block.hpp>
 
+#include <algorithm>
+#include <bit>
 #include <cstddef>
+#include <cstdint>
+#include <type_traits>
 
 namespace gsh::cpu::inline GSH_ISA {
 
 namespace detail {
+
+/// As is_zero, without a branch.
+template <class T>
+[[nodiscard]] GSH_INLINE bool has_no_gradient(const SplatView<const T>& dL_dsplats, std::size_t i) {
+    using Bits = std::conditional_t<sizeof(T) == 4, std::uint32_t, std::uint64_t>;
+    Bits any = std::bit_cast<Bits>(dL_dsplats.opacities[i]);
+    const auto take = [&](const auto& numbers) {
+        for (std::size_t k = 0; k < sizeof numbers / sizeof(T); ++k)
+            any |= std::bit_cast<Bits>(reinterpret_cast<const T*>(&numbers)[k]);
+    };
+    take(dL_dsplats.means[i]), take(dL_dsplats.colors[i]);
+    if (dL_dsplats.is_factored()) take(dL_dsplats.factors[i]);
+    else take(dL_dsplats.covariances[i]);
+    return Bits(any << 1) == 0; // without the signs
+}
 
 /// Runs an element over those of [0, count) that are not skipped, a Block (a WideBlock with a forward or a backward) at
 /// a time. The result of a lane depends on its own index alone, so the grouping into blocks does not change any result.
@@ -35,6 +54,30 @@ void for_blocks(B& backend, std::size_t count, const Element& element, const Ski
 template <class Block, CpuBackend B, class Element>
 void for_blocks(B& backend, std::size_t count, const Element& element) {
     for_blocks<Block>(backend, count, element, [](std::size_t) { return false; });
+}
+
+/// The same for an adjoint that may, but need not, skip elements without a gradient. Of `width` neighbours, all are
+/// done if half of them have one: to skip single ones costs more, since nobody can predict the branch.
+template <class Block, CpuBackend B, class Element>
+void for_dense_blocks(B& backend, std::size_t count, const Element& element) {
+    constexpr std::size_t grain = 1024, width = Block::width; // whole blocks
+    backend.for_chunks(count, grain, [&](std::size_t, std::size_t begin, std::size_t end) {
+        const auto mine = element;
+        Block block, sparse;
+        for (std::size_t first = begin; first < end; first += width) {
+            const std::size_t here = std::min(width, end - first);
+            std::size_t wanted = 0;
+            for (std::size_t j = 0; j < here; ++j) wanted += !has_no_gradient(mine.dL_dsplats, first + j);
+            if (2 * wanted >= here) {
+                for (std::size_t j = 0; j < here; ++j) block.push(first + j);
+                block.backward(mine);
+            } else {
+                for (std::size_t j = 0; j < here; ++j)
+                    if (!mine.skip(first + j) && sparse.push(first + j)) sparse.backward(mine);
+            }
+        }
+        sparse.backward(mine);
+    });
 }
 
 /// Reads splats index[0], index[1], … into the lanes [lane, lane + lanes_per_store).

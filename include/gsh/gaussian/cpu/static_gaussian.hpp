@@ -113,8 +113,7 @@ void static_splats_forward(B& backend, const gsh::detail::StaticSplatForward<Deg
 
 template <CpuBackend B, int Degree, class T>
 void static_splats_backward(B& backend, const gsh::detail::StaticSplatBackward<Degree, T>& element) {
-    detail::for_blocks<detail::StaticBlock<Degree, T>>(backend, element.input.gaussians.size(), element,
-                                                       [&](std::size_t i) { return element.skip(i); });
+    detail::for_dense_blocks<detail::StaticBlock<Degree, T>>(backend, element.input.gaussians.size(), element);
 }
 
 } // namespace gsh::cpu
