@@ -6,8 +6,10 @@ import os
 import re
 from pathlib import Path
 
+import griffe
 from markdown.extensions import Extension
 from markdown.treeprocessors import Treeprocessor
+from mkdocs.exceptions import PluginError
 from mkdocs.structure.files import File, Files, InclusionLevel
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -15,6 +17,8 @@ LANGUAGES = {".hpp": "cpp", ".cpp": "cpp", ".cuh": "cpp", ".cu": "cpp", ".h": "c
              ".json": "json", ".txt": "cmake", ".cmake": "cmake"}
 # Pages in docs/ that are not about the use of gsh. All others are guides, in the order of docs/README.md.
 DEVELOPMENT = ["architecture", "conventions", "contributing", "testing", "dependencies", "versions"]
+MODULES = ["gsh", "gsh.torch"]  # whose public names the page of the Python API must have
+ATTRIBUTES = ["__version__", "instruction_set"]  # which have no docstring; the page describes them
 PYTHON = ["python", "python-torch", "from-gsplat", "python-api"]
 
 _shown = {}  # path in the repository -> path of its page, for files and folders that are no Markdown
@@ -172,3 +176,17 @@ def on_page_markdown(markdown, page, config, files):
     global _page
     _page = page.file.src_uri
     return markdown
+
+
+def on_page_content(html, page, config, files):
+    """Fails for a name of the Python package that has no docstring, and would be missing on its page."""
+    if page.file.src_uri == "docs/python-api.md":
+        for name in MODULES:
+            module = griffe.load(name, search_paths=[ROOT / "python"], allow_inspection=False)
+            exports = [str(export) for export in module.exports or []]
+            if not exports:
+                raise PluginError(f"{name}: __all__ could not be read, expected a list of strings")
+            for export in exports:
+                if export not in ATTRIBUTES and f'id="{name}.{export}"' not in html:
+                    raise PluginError(f"{name}.{export} is not on the page of the Python API; has it a docstring?")
+    return html
