@@ -25,7 +25,23 @@ _HOMES = {
     "._jobs": ("check", "evaluate", "export", "reconstruct", "retarget"),
 }
 
-__all__ = ["__version__", *(name for names in _HOMES.values() for name in names)]
+__all__ = [
+    "Avatar",
+    "Camera",
+    "Motion",
+    "Rendering",
+    "Splats",
+    "__version__",
+    "check",
+    "evaluate",
+    "export",
+    "instruction_set",
+    "load_avatar",
+    "load_camera",
+    "reconstruct",
+    "render",
+    "retarget",
+]
 
 
 def _installed_version() -> str:

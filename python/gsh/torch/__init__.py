@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Differentiable Gaussian splatting for PyTorch on CPUs, with the names, shapes and conventions of gsplat 1.5.3."""
 
-from .._gsh import release_memory
+from .. import _gsh
 from ._avatar import Avatar
 from ._covariance import quat_scale_to_covar_preci
 from ._projection import fully_fused_projection
@@ -11,3 +11,8 @@ from ._ssim import fused_ssim
 
 __all__ = ["Avatar", "fully_fused_projection", "fused_ssim", "quat_scale_to_covar_preci", "rasterization",
            "release_memory", "spherical_harmonics"]
+
+
+def release_memory():
+    """Frees the memory that released passes hold for the next ones."""
+    _gsh.release_memory()
