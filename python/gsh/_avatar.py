@@ -146,7 +146,7 @@ def load_camera(path: PathLike, name: str = "") -> Camera:
 
 
 class Motion:
-    """The motion of a body over T frames, made by :meth:`Avatar.load_motion`."""
+    """The motion of a body over T frames, made by ``Avatar.load_motion``."""
 
     __slots__ = ("_handle", "_arrays")
 
@@ -192,7 +192,7 @@ class Motion:
 
 
 class Splats:
-    """The Gaussians of an avatar in a pose, made by :meth:`Avatar.pose`.
+    """The Gaussians of an avatar in a pose, made by ``Avatar.pose``.
 
     The arrays are views of the library's memory, without a copy. Posing again with ``out`` changes them in place;
     otherwise they stay as they are, also after the avatar is gone. They may be written to, for example to colour a part.
@@ -239,7 +239,7 @@ class Splats:
 
 
 class Avatar:
-    """An animatable avatar, made by :func:`load_avatar`: canonical Gaussians on the rig of a body.
+    """An animatable avatar, made by ``load_avatar``: canonical Gaussians on the rig of a body.
 
     N Gaussians, J joints, S shape and E expression coefficients. Methods may be called from several threads; they
     release the GIL and take turns.
@@ -344,13 +344,13 @@ class Avatar:
         Parameters
         ----------
         pose
-            a :class:`Motion`, of which ``frame`` is taken; or [J, 3] axis times angle in radians, each joint relative
+            a ``Motion``, of which ``frame`` is taken; or [J, 3] axis times angle in radians, each joint relative
             to its parent; None: the canonical pose.
         transl, expression, betas
             [3] metres, [at most E], [at most S], if ``pose`` is not a motion. None: zero, zero, and the avatar's own
             shape.
         camera, center
-            who looks at it: a :class:`Camera`, or a point [3] in the world, metres. Colours depend on it. None: the
+            who looks at it: a ``Camera``, or a point [3] in the world, metres. Colours depend on it. None: the
             point (0, 0, 0).
         out
             splats of an earlier call, whose memory is used again.
@@ -387,7 +387,7 @@ class Avatar:
 
 
 class Rendering(NamedTuple):
-    """Images of :func:`render`, float32."""
+    """Images of ``render``, float32."""
 
     color: Array  #: [height, width, 3] sRGB
     alpha: Array  #: [height, width], 1 - transmittance, in [0, 1]
@@ -415,7 +415,7 @@ def render(splats: Union[Splats, Sequence[Splats]], camera: Camera, *, backgroun
     splats
         of one avatar, or of several in one picture. Pose them for the same ``camera``.
     camera
-        a :class:`Camera`.
+        a ``Camera``.
     background
         [3] sRGB in [0, 1].
     depths

@@ -207,13 +207,13 @@ def evaluate(capture: PathLike, body: Optional[PathLike], out: PathLike, configs
     Parameters
     ----------
     capture, body, out, gaussians, threads, progress
-        as for :func:`reconstruct`. Finished runs in ``out`` are kept, and an interrupted one goes on.
+        as for ``reconstruct``. Finished runs in ``out`` are kept, and an interrupted one goes on.
     configs
         names of configurations, or JSON files of settings. The others are compared with the first one.
     steps
         numbers of steps after which to evaluate; the largest is the length of a run.
     **options
-        any other option of the program, as for :func:`reconstruct`.
+        any other option of the program, as for ``reconstruct``.
 
     Returns
     -------
@@ -222,7 +222,7 @@ def evaluate(capture: PathLike, body: Optional[PathLike], out: PathLike, configs
 
     Raises
     ------
-    as :func:`reconstruct`.
+    as ``reconstruct``.
     """
     where = "gsh.evaluate"
     _check_progress(where, progress)
@@ -243,7 +243,7 @@ def check(capture: PathLike, body: Optional[PathLike] = None, out: Optional[Path
     Parameters
     ----------
     capture, body, threads, progress
-        as for :func:`reconstruct`.
+        as for ``reconstruct``.
     out
         folder for ``check.json`` and pictures with the body drawn over each image; None: they are not kept.
     frames
@@ -257,7 +257,7 @@ def check(capture: PathLike, body: Optional[PathLike] = None, out: Optional[Path
 
     Raises
     ------
-    as :func:`reconstruct`.
+    as ``reconstruct``.
     """
     where = "gsh.check"
     _check_progress(where, progress)
@@ -287,7 +287,7 @@ def export(source: PathLike, to: PathLike, *, poses: Optional[PathLike] = None, 
     frames
         ``"A:B"`` or ``"A:B:S"`` for a moving file: frames A to B, both included, or every S-th of them.
     threads, progress, **options
-        as for :func:`reconstruct`; for example ``mesh=True`` or ``gaussians=60000``.
+        as for ``reconstruct``; for example ``mesh=True`` or ``gaussians=60000``.
 
     Returns
     -------
@@ -296,7 +296,7 @@ def export(source: PathLike, to: PathLike, *, poses: Optional[PathLike] = None, 
 
     Raises
     ------
-    as :func:`reconstruct`.
+    as ``reconstruct``.
     """
     where = "gsh.export"
     _check_progress(where, progress)
@@ -336,7 +336,7 @@ def retarget(motion: PathLike, to: PathLike, body: Optional[PathLike] = None, *,
 
     Raises
     ------
-    as :func:`reconstruct`.
+    as ``reconstruct``.
     """
     where = "gsh.retarget"
     _check_progress(where, progress)
