@@ -2,7 +2,6 @@
 /// @file  Consecutive elements of a caller's arrays in the lanes of registers of double.
 #pragma once
 
-#include <gsh/camera/pinhole.hpp>
 #include <gsh/math/vec.hpp>
 #include <gsh/math/wide.hpp>
 
@@ -54,19 +53,5 @@ struct Lanes {
         return W::load(kept) > W(0.5);
     }
 };
-
-/// A camera with each number in all lanes.
-[[nodiscard]] inline gsh::Camera<Lanes::W> in_lanes(const gsh::Camera<double>& camera) {
-    using W = Lanes::W;
-    const auto wide = [](const gsh::vec3<double>& v) { return gsh::vec3<W>(W(v.x), W(v.y), W(v.z)); };
-    return {gsh::mat3<W>(wide(camera.R[0]), wide(camera.R[1]), wide(camera.R[2])),
-            wide(camera.t),
-            W(camera.fx),
-            W(camera.fy),
-            W(camera.cx),
-            W(camera.cy),
-            camera.width,
-            camera.height};
-}
 
 } // namespace gsh_python

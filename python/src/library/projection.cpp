@@ -9,6 +9,7 @@
 
 #include <gsh/gaussian/covariance.hpp>
 #include <gsh/math/wide.hpp>
+#include <gsh/render/cpu/project.hpp>
 #include <gsh/render/projection.hpp>
 #include <gsh/render/screen_gradient.hpp>
 
@@ -104,7 +105,7 @@ void project_image(cpu::Threads& backend, const Sizes& sizes, const SplatArrays&
                    const ProjectionSettings& settings, const ProjectedArrays& out, std::size_t image) {
     const auto n = static_cast<std::size_t>(sizes.count), batch = image / static_cast<std::size_t>(sizes.cameras);
     const Camera<double> camera = camera_of<T>(cameras, image).template cast<double>();
-    const Camera<W> wide_camera = in_lanes(camera);
+    const Camera<W> wide_camera = cpu::detail::in_all_lanes<W>(camera);
     const ProjectionParams<double> params = params_of(settings);
     const T* const means = static_cast<const T*>(splats.means) + 3 * batch * n;
     const T* const opacities = splats.opacities ? static_cast<const T*>(splats.opacities) + batch * n : nullptr;
@@ -193,7 +194,7 @@ void project_image_backward(cpu::Threads& backend, const Sizes& sizes, const Spl
                             const std::int32_t* all_radii, const ProjectedGradients& dL, const SplatGradients& out,
                             const CameraGradients& camera_out, std::size_t image) {
     const auto n = static_cast<std::size_t>(sizes.count), batch = image / static_cast<std::size_t>(sizes.cameras);
-    const Camera<W> camera = in_lanes(camera_of<T>(cameras, image).template cast<double>());
+    const Camera<W> camera = cpu::detail::in_all_lanes<W>(camera_of<T>(cameras, image).template cast<double>());
     const ProjectionParams<double> params = params_of(settings);
     const T* const means = static_cast<const T*>(splats.means) + 3 * batch * n;
     const Shapes shapes(splats, batch, n);

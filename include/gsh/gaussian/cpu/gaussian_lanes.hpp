@@ -57,7 +57,7 @@ void for_blocks(B& backend, std::size_t count, const Element& element) {
 }
 
 /// The same for an adjoint that may, but need not, skip elements without a gradient. Of `width` neighbours, all are
-/// done if half of them have one: to skip single ones costs more, since nobody can predict the branch.
+/// done if half of them have one: skipping single ones costs more, since processors mispredict that branch.
 template <class Block, CpuBackend B, class Element>
 void for_dense_blocks(B& backend, std::size_t count, const Element& element) {
     constexpr std::size_t grain = 1024, width = Block::width; // whole blocks
