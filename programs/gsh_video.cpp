@@ -14,6 +14,7 @@
 #include "video/video_report.hpp"
 
 #include <gsh/io/file/atomic_file.hpp>
+#include <gsh/io/file/input_file.hpp>
 
 #include <algorithm>
 #include <cstddef>

@@ -10,8 +10,8 @@
 #include <gsh/io/capture/keypoints_file.hpp>
 #include <gsh/io/capture/people_capture.hpp>
 #include <gsh/io/capture/prior_views_file.hpp>
-#include <gsh/io/file/atomic_file.hpp>
 #include <gsh/io/file/crc32.hpp>
+#include <gsh/io/file/input_file.hpp>
 #include <gsh/io/file/json_file.hpp>
 #include <gsh/io/model/avatar_file.hpp>
 #include <gsh/io/model/configuration_file.hpp>

@@ -8,6 +8,7 @@
 #include "evaluate/evaluation_tables.hpp"
 
 #include <gsh/io/file/atomic_file.hpp>
+#include <gsh/io/file/input_file.hpp>
 #include <gsh/io/image/image_file.hpp>
 
 #include <algorithm>

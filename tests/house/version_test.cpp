@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 /// @file  The version stands in one header, and everything that repeats it agrees.
 #include <gsh/core/config.hpp>
-#include <gsh/io/file/atomic_file.hpp>
+
+#include <gsh/io/file/input_file.hpp>
 
 #include <doctest/doctest.h>
 #include <nlohmann/json.hpp>

@@ -23,6 +23,7 @@
 #include <gsh/io/capture/gala_basketball.hpp>
 #include <gsh/io/capture/keypoints_file.hpp>
 #include <gsh/io/capture/prior_views_file.hpp>
+#include <gsh/io/file/input_file.hpp>
 #include <gsh/io/file/safetensors.hpp>
 #include <gsh/io/file/settings_file.hpp>
 #include <gsh/io/image/depth_map_file.hpp>

@@ -9,6 +9,7 @@
 #include <gsh/io/capture/detections.hpp>
 #include <gsh/io/capture/prior_views_file.hpp>
 #include <gsh/io/file/archive.hpp>
+#include <gsh/io/file/input_file.hpp>
 #include <gsh/io/image/image_file.hpp>
 #include <gsh/io/model/avatar_file.hpp>
 #include <gsh/io/model/configuration_file.hpp>
@@ -150,9 +151,8 @@ AvatarData kept_avatar(bool lit) {
                                  .log_intensities = {0.5, -0.25},
                                  .gloss = {-2, 1},
                                  .shadows = false};
-        avatar.light_place = {.upright = mat3<double>({0, 1, 0}, {-1, 0, 0}, {0, 0, 1}),
-                              .low = {-1, 0, -1},
-                              .high = {1, 2, 1}};
+        avatar.light_place = {
+            .upright = mat3<double>({0, 1, 0}, {-1, 0, 0}, {0, 0, 1}), .low = {-1, 0, -1}, .high = {1, 2, 1}};
         for (std::size_t v = 0; v < rig.body.vertex_count(); ++v)
             avatar.normal_offsets.push_back(0.125f * vec3<float>(kept_vector(v, 13)));
         for (const float number : kept_numbers<float>(N, 14)) avatar.mean_irradiance.push_back(1 + number / 2);
@@ -216,8 +216,8 @@ double difference(const Image<float>& picture, const std::filesystem::path& path
     for (int y = 0; y < kept.height; ++y)
         for (int x = 0; x < kept.width; ++x)
             for (int c = 0; c < 3; ++c)
-                largest = std::max(largest, std::abs(255.0 * std::clamp(picture.at(c, y, x), 0.0f, 1.0f) -
-                                                     kept.pixel(y, x)[c]));
+                largest = std::max(largest,
+                                   std::abs(255.0 * std::clamp(picture.at(c, y, x), 0.0f, 1.0f) - kept.pixel(y, x)[c]));
     return largest;
 }
 
@@ -302,7 +302,9 @@ void check_avatar_of_0_1(const AvatarData& found, const AvatarData& expected) {
     }
 }
 
-void write_line(const std::filesystem::path& path, const std::string& text) { write_file(path, text + "\n"); }
+void write_line(const std::filesystem::path& path, const std::string& text) {
+    write_file(path, text + "\n");
+}
 
 void write_files_of_0_1(const std::filesystem::path& to) {
     for (const char* folder : {"priors", "detections/masks/front"}) std::filesystem::create_directories(to / folder);
@@ -513,7 +515,8 @@ TEST_CASE("files of a later version of their kind are refused by both versions")
                 if (header.is_text()) continue;
                 if (header.dtype.find_first_of("iu") != std::string::npos)
                     file.add(key, old.read<std::int64_t>(key).data, header.shape);
-                else file.add(key, old.read<double>(key).data, header.shape);
+                else
+                    file.add(key, old.read<double>(key).data, header.shape);
             }
             file.commit();
         }
@@ -550,8 +553,8 @@ TEST_CASE("files of a later version of their kind are refused by both versions")
         const std::string now = std::string(kind.kind) + " " + std::to_string(kind.version),
                           next = std::string(kind.kind) + " " + std::to_string(kind.version + 1);
         const auto path = restated(kind.file, next);
-        test::check_throws<IoError>([&] { kind.read(path); },
-                                    {path.string() + ": holds '" + next + "'", "'" + now + "'", "later version of gsh"});
+        test::check_throws<IoError>([&] { kind.read(path); }, {path.string() + ": holds '" + next + "'",
+                                                               "'" + now + "'", "later version of gsh"});
         (void)restated(kind.file, "something 1");
         test::check_throws<IoError>([&] { kind.read(path); },
                                     {path.string() + ": holds 'something 1', expected", "'" + now + "'", "that kind"});

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <gsh/io/file/atomic_file.hpp>
+#include <gsh/io/file/input_file.hpp>
 
 #include <nlohmann/json.hpp>
 

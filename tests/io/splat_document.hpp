@@ -4,7 +4,6 @@
 
 #include <gsh/core/span.hpp>
 #include <gsh/gaussian/gaussians.hpp>
-#include <gsh/io/file/atomic_file.hpp>
 #include <gsh/io/file/glb_writer.hpp>
 #include <gsh/io/splat/gltf_primitive.hpp>
 

@@ -6,6 +6,7 @@
 
 #include <gsh/io/file/atomic_file.hpp>
 #include <gsh/io/file/folder_lock.hpp>
+#include <gsh/io/file/input_file.hpp>
 #include <gsh/io/model/avatar_file.hpp>
 #include <gsh/io/splat/ply.hpp>
 
@@ -79,8 +80,9 @@ void refuse_render(const fs::path& input, Words words, const Edit& spoil, std::v
     fs::copy(input, copy);
     spoil(copy);
     std::vector<std::string> arguments{"gsh-render", (input == s.camera ? s.scene : copy).string(),
-                                       "--camera", (input == s.camera ? copy : s.camera).string(),
-                                       "--out", (folder / "a.png").string(), "--npy", (folder / "a.npy").string()};
+                                       "--camera",   (input == s.camera ? copy : s.camera).string(),
+                                       "--out",      (folder / "a.png").string(),
+                                       "--npy",      (folder / "a.npy").string()};
     arguments.insert(arguments.end(), more.begin(), more.end());
     check_refused(run(arguments), "gsh-render", words);
     CHECK(folder.file_count() <= 1); // the input
@@ -217,8 +219,10 @@ TEST_CASE("bodies that are none") {
     refuse_body({"body.npz", "v_template"}, member("v_template", doubles("(4000000000, 3)", {1, 2, 3})));
     const std::size_t directions = (std::size_t(80) << 20) / (24 * V);
     refuse_body({"body.npz", "shapedirs"},
-                member("shapedirs", test::npy_bytes("<f8", "(" + rows + ", 3, " + std::to_string(directions) + ")",
-                                                    std::string(24 * V * directions, '\0')), true));
+                member("shapedirs",
+                       test::npy_bytes("<f8", "(" + rows + ", 3, " + std::to_string(directions) + ")",
+                                       std::string(24 * V * directions, '\0')),
+                       true));
 }
 
 TEST_CASE("captures whose parts do not belong together") {
@@ -299,9 +303,8 @@ TEST_CASE("cameras and scenes that cannot be rendered") {
                   [](const fs::path& path) { NpzEdit(path).remove("gsh_format"); });
     refuse_render(s.avatar, {"avatar.gsh", "sh"}, [](const fs::path& path) { NpzEdit(path).remove("sh"); });
     const std::string expected = "avatar " + std::to_string(avatar_file_version);
-    refuse_render(s.avatar, {"avatar.gsh", expected}, [&](const fs::path& path) {
-        fs::copy(s.body_file, path, fs::copy_options::overwrite_existing);
-    });
+    refuse_render(s.avatar, {"avatar.gsh", expected},
+                  [&](const fs::path& path) { fs::copy(s.body_file, path, fs::copy_options::overwrite_existing); });
 }
 
 TEST_CASE("motions that do not fit the avatar") {
@@ -314,9 +317,8 @@ TEST_CASE("motions that do not fit the avatar") {
     refuse_animate(
         {"dance.npz", "transl"},
         member("transl", doubles("(3, 3)", std::vector<double>(9, std::numeric_limits<double>::infinity()))));
-    refuse_animate({"dance.npz"}, [&](const fs::path& path) {
-        fs::copy(s.camera, path, fs::copy_options::overwrite_existing);
-    });
+    refuse_animate({"dance.npz"},
+                   [&](const fs::path& path) { fs::copy(s.camera, path, fs::copy_options::overwrite_existing); });
 }
 
 TEST_CASE("a PLY is read by name") {
@@ -329,7 +331,8 @@ TEST_CASE("a PLY is read by name") {
     for (const char* name : {"scale_2", "f_dc_2", "y", "scale_0", "f_dc_0", "x", "scale_1", "f_dc_1"})
         names.emplace_back(name);
     std::string text = "ply\nformat binary_little_endian 1.0\ncomment gsh.filter dilation 0.1 compensated\n"
-                       "element vertex " + std::to_string(cloud.size()) + "\n"; // the filter of the avatar's own file
+                       "element vertex " +
+                       std::to_string(cloud.size()) + "\n"; // the filter of the avatar's own file
     for (const std::string& name : names) text += "property double " + name + "\n";
     text += "end_header\n";
     for (std::size_t i = 0; i < cloud.size(); ++i) {
@@ -368,9 +371,9 @@ TEST_CASE("a folder that another program writes is refused, and nothing in it ch
     check_refused(run(s.reconstruct(out, {"--steps", "1"})), "gsh-reconstruct", {process, "is writing there"});
     check_refused(run({"gsh-animate", s.avatar, "--poses", s.dance, "--out", out}), "gsh-animate", {process});
     check_refused(run({"gsh-check", s.path, "--body", s.body_file, "--out", out}), "gsh-check", {process});
-    check_refused(
-        run({"gsh-evaluate", "--capture", s.path, "--body", s.body_file, "--configs", "paper", "--steps", "1", "--out", out}),
-        "gsh-evaluate", {process});
+    check_refused(run({"gsh-evaluate", "--capture", s.path, "--body", s.body_file, "--configs", "paper", "--steps", "1",
+                       "--out", out}),
+                  "gsh-evaluate", {process});
     CHECK(test::files_below(out) == 2);
     CHECK(read_file(out / "results.partial/metrics.json") == "of the first");
     const AtomicFile picture(folder / "a.png");

@@ -7,7 +7,7 @@
 #include "support/contains.hpp"
 
 #include <gsh/io/body/body_file.hpp>
-#include <gsh/io/file/atomic_file.hpp>
+#include <gsh/io/file/input_file.hpp>
 #include <gsh/io/motion/any_motion.hpp>
 #include <gsh/io/motion/motion_file.hpp>
 #include <gsh/synthetic/actor_motion.hpp>

@@ -5,6 +5,7 @@
 #include "programs/small_capture.hpp"
 #include "support/contains.hpp"
 
+#include <gsh/io/file/input_file.hpp>
 #include <gsh/io/image/image_file.hpp>
 
 #include <nlohmann/json.hpp>
@@ -59,7 +60,9 @@ nlohmann::json check_of(const std::function<void(Capture&)>& spoil) {
     CHECK(outcome.out == test::contains("\nread docs/README.md, \""));
     return json;
 }
-nlohmann::json findings(const std::function<void(Capture&)>& spoil) { return check_of(spoil).at("findings"); }
+nlohmann::json findings(const std::function<void(Capture&)>& spoil) {
+    return check_of(spoil).at("findings");
+}
 
 } // namespace
 

@@ -14,6 +14,7 @@
 #include <gsh/camera/pinhole.hpp>
 #include <gsh/image/color.hpp>
 #include <gsh/io/file/folder_list.hpp>
+#include <gsh/io/file/input_file.hpp>
 #include <gsh/io/image/image_file.hpp>
 #include <gsh/io/model/avatar_file.hpp>
 #include <gsh/io/motion/motion_file.hpp>
@@ -59,7 +60,7 @@ test::Outcome reconstruct(const Out& out, const std::vector<std::string>& more, 
 }
 std::vector<std::string> animate(const Out& out, const char* name = "frames") {
     return {"gsh-animate", (out / "avatar.gsh").string(), "--poses", studio().dance.string(), "--size", "64",
-            "--out", (out.folder / name).string()};
+            "--out",       (out.folder / name).string()};
 }
 
 std::vector<std::uint8_t> column(const PixelImage& picture, int first, int width) {
@@ -187,7 +188,7 @@ TEST_CASE("refinement leaves refined poses, says so, and resumes") {
     check_done(reconstruct(plain, {"--poses", "poses_noisy.npz", "--steps", "3"}, capture));
     CHECK(!fs::exists(plain / "poses_refined.npz"));
     CHECK(plain.metrics().at("protocol").get<std::string>() == test::contains("as given, not refined"));
-    CHECK(out.avatar_bytes() == plain.avatar_bytes()); // test images have no influence on the avatar
+    CHECK(out.avatar_bytes() == plain.avatar_bytes());             // test images have no influence on the avatar
     CHECK(out.metrics().at("psnr") != plain.metrics().at("psnr")); // but on the poses in which it is evaluated
 
     const Out moved;
@@ -207,8 +208,8 @@ TEST_CASE("refinement leaves refined poses, says so, and resumes") {
 
     // The fit of test poses shows its progress. A signal ends it within a frame, and earlier results stay.
     const std::string before = moved.avatar_bytes();
-    test::Process process(studio().reconstruct(
-        moved.path, with({"--steps", "3", "--set", "refine.test_steps=1000000000"}), capture));
+    test::Process process(
+        studio().reconstruct(moved.path, with({"--steps", "3", "--set", "refine.test_steps=1000000000"}), capture));
     REQUIRE(process.wait_until([&] { return process.err().find("fitting test poses") != std::string::npos; }));
     process.send(SIGINT);
     const test::Outcome outcome = process.wait();
@@ -278,13 +279,12 @@ struct SpoiltTurn {
             for (std::size_t t = 0; t < motion.frame_count(); ++t) {
                 std::vector<double> points(75, 0);
                 for (const auto& [point, joint] : numbers) {
-                    const vec2<double> pixel = to_pixel(
-                        named.camera, to_camera(named.camera, joints[t * motion.joint_count + joint]));
+                    const vec2<double> pixel =
+                        to_pixel(named.camera, to_camera(named.camera, joints[t * motion.joint_count + joint]));
                     points[3 * point] = pixel.x, points[3 * point + 1] = pixel.y, points[3 * point + 2] = 0.9;
                 }
                 nlohmann::json person{{"pose_keypoints_2d", points}};
-                write_file(folder / "capture/keypoints" / named.name /
-                               ("00" + std::to_string(t) + "_keypoints.json"),
+                write_file(folder / "capture/keypoints" / named.name / ("00" + std::to_string(t) + "_keypoints.json"),
                            nlohmann::json{{"people", {person}}}.dump());
             }
             PixelImage& image = capture.images[c * motion.frame_count() + wrong_frame];

@@ -7,6 +7,7 @@
 #include "support/contains.hpp"
 
 #include <gsh/camera/pinhole.hpp>
+#include <gsh/io/file/input_file.hpp>
 #include <gsh/io/file/npz_writer.hpp>
 #include <gsh/io/image/image_file.hpp>
 
@@ -47,9 +48,17 @@ struct SmallTables : test::SmallCapture {
     }
     [[nodiscard]] std::vector<std::string> evaluate(const fs::path& out, const std::string& list,
                                                     std::vector<std::string> more, const fs::path& of = {}) const {
-        std::vector<std::string> words{"gsh-evaluate",     "--capture",   (of.empty() ? path : of).string(), "--body",
-                                       body_file.string(), "--configs",   list,                              "--out",
-                                       out.string(),       "--gaussians", "300"};
+        std::vector<std::string> words{"gsh-evaluate",
+                                       "--capture",
+                                       (of.empty() ? path : of).string(),
+                                       "--body",
+                                       body_file.string(),
+                                       "--configs",
+                                       list,
+                                       "--out",
+                                       out.string(),
+                                       "--gaussians",
+                                       "300"};
         words.insert(words.end(), more.begin(), more.end());
         return words;
     }
@@ -187,8 +196,8 @@ TEST_CASE("a row shows face and hands where they are, at most four times as larg
             }
     }
     save_capture(folder / "capture", capture);
-    check_done(run(s.evaluate(folder / "out", s.configs({"paper"}), {"--steps", "1", "--views", "2"},
-                              folder / "capture")));
+    check_done(
+        run(s.evaluate(folder / "out", s.configs({"paper"}), {"--steps", "1", "--views", "2"}, folder / "capture")));
     for (std::size_t frame = 0; frame < 2; ++frame) {
         const PixelImage grid = read_image(folder / ("out/grids/test00_000" + std::to_string(frame) + ".png"));
         const auto vertices = test::posed_vertices(s.body, capture.motion, frame);

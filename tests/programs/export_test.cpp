@@ -6,6 +6,7 @@
 #include "support/contains.hpp"
 #include "support/skip.hpp"
 
+#include <gsh/io/file/input_file.hpp>
 #include <gsh/io/file/npy.hpp>
 #include <gsh/io/motion/motion_file.hpp>
 #include <gsh/io/splat/any_splats.hpp>

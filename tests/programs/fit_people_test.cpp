@@ -11,6 +11,7 @@
 #include <gsh/io/body/body_file.hpp>
 #include <gsh/io/capture/camera_file.hpp>
 #include <gsh/io/file/atomic_file.hpp>
+#include <gsh/io/file/input_file.hpp>
 #include <gsh/io/image/image_file.hpp>
 #include <gsh/io/motion/motion_file.hpp>
 #include <gsh/prior/mesh_rasterizer.hpp>

@@ -7,6 +7,7 @@
 #include <gsh/body/joint_error.hpp>
 #include <gsh/io/capture/camera_file.hpp>
 #include <gsh/io/file/atomic_file.hpp>
+#include <gsh/io/file/input_file.hpp>
 #include <gsh/io/motion/bvh_file.hpp>
 #include <gsh/io/motion/motion_file.hpp>
 

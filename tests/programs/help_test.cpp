@@ -6,7 +6,7 @@
 #include "support/contains.hpp"
 
 #include <gsh/core/error.hpp>
-#include <gsh/io/file/atomic_file.hpp>
+#include <gsh/io/file/input_file.hpp>
 
 #include <filesystem>
 #include <regex>

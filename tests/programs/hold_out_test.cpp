@@ -4,6 +4,7 @@
 #include "programs/small_capture.hpp"
 #include "support/contains.hpp"
 
+#include <gsh/io/file/input_file.hpp>
 #include <gsh/io/motion/motion_file.hpp>
 
 #include <nlohmann/json.hpp>
@@ -142,9 +143,9 @@ TEST_CASE("a checkpoint belongs to the frames that were left out, however they w
     const test::Temporary folder;
     const fs::path out = folder / "out", whole = folder / "whole";
     check_done(s.reconstruct(out, {"--hold-out-motion", "0.25"}));
-    check_refused(s.reconstruct(out, {"--hold-out-motion", "0.5", "--resume", "--steps", "4"}), "gsh-reconstruct",
-                  {"checkpoint.gsh", "'held-out frames 3' where this run has 'held-out frames 2-3'",
-                   "--hold-out-motion"});
+    check_refused(
+        s.reconstruct(out, {"--hold-out-motion", "0.5", "--resume", "--steps", "4"}), "gsh-reconstruct",
+        {"checkpoint.gsh", "'held-out frames 3' where this run has 'held-out frames 2-3'", "--hold-out-motion"});
     check_done(s.reconstruct(out, {"--hold-out-motion", "3:3", "--resume"}));
     check_done(s.reconstruct(whole, {"--hold-out-motion", "3:3"}));
     CHECK(same_file(out / "avatar.gsh", whole / "avatar.gsh"));
@@ -187,8 +188,8 @@ TEST_CASE("spans that are none are refused in a line") {
         check_refused(s.reconstruct(out, {"--hold-out-motion", span}, of), "gsh-reconstruct", said);
         CHECK(!fs::exists(out));
     };
-    for (const char* span : {"0", "1", "1.5", "-0.5", "nan", "much", "", " ", "0.25 ", "3:", ":3", ":", "0.5:1", "-1:2",
-                             "1:2:3", "1-2"})
+    for (const char* span :
+         {"0", "1", "1.5", "-0.5", "nan", "much", "", " ", "0.25 ", "3:", ":3", ":", "0.5:1", "-1:2", "1:2:3", "1-2"})
         refuse(span, {"--hold-out-motion", "above 0 and below 1 such as 0.25", "such as 20:29"});
     refuse("0.1", {"--hold-out-motion 0.1", "none of 4 frames"});
     refuse("0.9", {"--hold-out-motion 0.9", "all of 4 frames"});
@@ -222,8 +223,8 @@ TEST_CASE("an evaluation has a table of seen and new motion, and belongs to one 
     std::string configs;
     for (const char* name : {"paper", "no-ao"}) {
         const fs::path file = folder / (std::string(name) + ".json");
-        write_file(file, nlohmann::json{{"configuration", name}, {"hash.table_size", 1024}, {"ao.table_size", 1024}}
-                             .dump());
+        write_file(file,
+                   nlohmann::json{{"configuration", name}, {"hash.table_size", 1024}, {"ao.table_size", 1024}}.dump());
         configs += (configs.empty() ? "" : ",") + file.string();
     }
     const auto evaluate = [&](const std::string& list, std::vector<std::string> more) {

@@ -13,6 +13,7 @@
 #include "view/view_request.hpp"
 #include "view/view_scene.hpp"
 
+#include <gsh/io/file/input_file.hpp>
 #include <gsh/io/file/npz_writer.hpp>
 #include <gsh/io/splat/ply.hpp>
 

@@ -14,6 +14,7 @@
 #include <gsh/backend/threads.hpp>
 #include <gsh/body/moved_motion.hpp>
 #include <gsh/io/file/atomic_file.hpp>
+#include <gsh/io/file/input_file.hpp>
 #include <gsh/io/image/image_file.hpp>
 #include <gsh/io/model/avatar_file.hpp>
 #include <gsh/synthetic/actor.hpp>
@@ -68,8 +69,8 @@ struct TwoPeople {
         outcome = run(reconstruct(out, {"--poses", "ann.npz,bob.npz", "--threads", "1"}));
     }
     [[nodiscard]] Command reconstruct(const fs::path& into, const Command& more) const {
-        Command words{"gsh-reconstruct", "--capture", path.string(), "--body", body.string(), "--out", into.string(),
-                      "--set", "hash.table_size=4096", "--set", "ao.table_size=4096"};
+        Command words{"gsh-reconstruct", "--capture", path.string(),          "--body", body.string(),       "--out",
+                      into.string(),     "--set",     "hash.table_size=4096", "--set",  "ao.table_size=4096"};
         for (const auto& [option, value] : {std::pair("--steps", "4"), std::pair("--gaussians", "500")})
             if (std::find(more.begin(), more.end(), option) == more.end()) words.insert(words.end(), {option, value});
         words.insert(words.end(), more.begin(), more.end());
@@ -272,8 +273,8 @@ TEST_CASE("avatars are shown together, in whatever order") {
 TEST_CASE_FIXTURE(test::Gala, "GalaBasketball's people are all reconstructed, with the data set's own body") {
     const fs::path out = folder / "out";
     const auto reconstruct = [&](const fs::path& to, const Command& more) {
-        Command words{"gsh-reconstruct", "--capture", scene.string(), "--out", to.string(),
-                      "--set", "hash.table_size=4096", "--set", "ao.table_size=4096"};
+        Command words{"gsh-reconstruct",      "--capture", scene.string(),      "--out", to.string(), "--set",
+                      "hash.table_size=4096", "--set",     "ao.table_size=4096"};
         words.insert(words.end(), more.begin(), more.end());
         return run(words);
     };
@@ -305,8 +306,8 @@ TEST_CASE_FIXTURE(test::Gala, "GalaBasketball's people are all reconstructed, wi
     // Light that was asked for is refused with the way out.
     const fs::path none = folder / "none";
     write_file(folder / "mine.json", R"({"configuration": "light", "rate.sh": 0.001})");
-    for (const Command& light : {Command{"--config", "light"}, {"--set", "light=true"},
-                                 {"--config", (folder / "mine.json").string()}})
+    for (const Command& light :
+         {Command{"--config", "light"}, {"--set", "light=true"}, {"--config", (folder / "mine.json").string()}})
         check_refused(reconstruct(none, light), "gsh-reconstruct", {"no triangles", "--config paper"});
     check_refused(reconstruct(none, {"--poses", "a.npz,b.npz"}), "gsh-reconstruct", {"a.npz"});
     CHECK(!fs::exists(none));
@@ -324,9 +325,10 @@ TEST_CASE_FIXTURE(test::Gala, "GalaBasketball's people are reconstructed like al
         for (auto& transl : motion.transl) transl = root - regress_joints(actor, actor.v_template)[0];
         save_motion(scene / (person == 0 ? "ann.npz" : "bob.npz"), motion);
     }
-    const std::vector<std::string> words{"gsh-reconstruct", "--capture", scene.string(), "--body", body.string(),
-                                         "--gaussians", "500", "--steps", "2", "--out", out.string(),
-                                         "--set", "hash.table_size=4096", "--set", "ao.table_size=4096"};
+    const std::vector<std::string> words{
+        "gsh-reconstruct",   "--capture", scene.string(), "--body",     body.string(), "--gaussians",          "500",
+        "--steps",           "2",         "--out",        out.string(), "--set",       "hash.table_size=4096", "--set",
+        "ao.table_size=4096"};
     auto with_poses = words;
     with_poses.insert(with_poses.end(), {"--poses", "ann.npz,bob.npz"});
     const test::Outcome outcome = run(with_poses);
@@ -385,8 +387,8 @@ TEST_CASE("configurations are compared on two people") {
     CHECK(read_image(folder / "out/grids/test00_0000.png").width == 2 * 64 + 4 + 6 * (4 + 4 * 12));
     // Each person's figures equal those of gsh-reconstruct with the same training.
     const fs::path same = folder / "same";
-    check_done(run(s.reconstruct(same, {"--config", "paper", "--poses", "ann.npz,bob.npz", "--steps", "2",
-                                        "--gaussians", "300"})));
+    check_done(run(s.reconstruct(
+        same, {"--config", "paper", "--poses", "ann.npz,bob.npz", "--steps", "2", "--gaussians", "300"})));
     const auto alone = json_of(same / "metrics.json");
     const auto& figures = tables.at("figures")[0].at("people");
     REQUIRE(figures.size() == 2);

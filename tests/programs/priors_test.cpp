@@ -6,6 +6,7 @@
 
 #include <gsh/backend/serial.hpp>
 #include <gsh/body/posed_body.hpp>
+#include <gsh/io/file/input_file.hpp>
 #include <gsh/io/file/npy.hpp>
 #include <gsh/io/image/image_file.hpp>
 #include <gsh/prior/prior_view.hpp>
@@ -50,12 +51,12 @@ struct Estimates {
         for (int y = 0; y < camera.height; ++y)
             for (int x = 0; x < camera.width; ++x)
                 for (int c = 0; c < 3 && normals.map.mask.at(0, y, x); ++c)
-                    picture.pixel(y, x)[c] = static_cast<std::uint8_t>(
-                        std::lround((sign[c] * normals.map.values.at(c, y, x) + 1) * 127.5));
+                    picture.pixel(y, x)[c] =
+                        static_cast<std::uint8_t>(std::lround((sign[c] * normals.map.values.at(c, y, x) + 1) * 127.5));
         write_png(folder / "normals.png", picture);
         const PriorView depth = depth_view(backend, vertices, s.body.faces, camera);
         write_npy<double>(folder / "depth.npy", depth.map.values.data,
-                  {static_cast<std::size_t>(camera.height), static_cast<std::size_t>(camera.width)});
+                          {static_cast<std::size_t>(camera.height), static_cast<std::size_t>(camera.width)});
         write("{}");
     }
     /// The list with one view, of the normals with these changes.
@@ -156,10 +157,9 @@ TEST_CASE("maps that cannot be meant are refused before training") {
     refuse(R"({"frame": 2})", {"views[0]", "frame is 2", "2 frames"});
     refuse(R"({"person": "eve"})", {"views[0]", "'eve'", "poses"});
     refuse(R"({"camera": "cam01", "crop": [200, 200, 64, 64]})", {"views[0]", "its camera sees nothing of the body"});
-    refuse(
-        R"({"camera": {"width": 32, "height": 64, "scale": 30, "cx": 16, "cy": 32,)"
-        R"( "R": [1, 0, 0, 0, -1, 0, 0, 0, -1], "t": [0, 1, 2]}})",
-        {"normals.png is 64 x 64 pixels", "32 x 64", "crop"});
+    refuse(R"({"camera": {"width": 32, "height": 64, "scale": 30, "cx": 16, "cy": 32,)"
+           R"( "R": [1, 0, 0, 0, -1, 0, 0, 0, -1], "t": [0, 1, 2]}})",
+           {"normals.png is 64 x 64 pixels", "32 x 64", "crop"});
     fs::remove(estimates.list);
     check_refused(reconstruct(out, estimates, {"--steps", "1"}), "gsh-reconstruct", {"estimates.json", "No such file"});
     check_refused(reconstruct(out, estimates, {"--config", "baseline"}), "gsh-reconstruct", {"--priors has no effect"});

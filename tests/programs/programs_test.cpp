@@ -6,6 +6,7 @@
 #include <gsh/core/rng.hpp>
 #include <gsh/cpu.hpp>
 #include <gsh/io/capture/photos.hpp>
+#include <gsh/io/file/input_file.hpp>
 #include <gsh/io/file/npy.hpp>
 #include <gsh/io/model/avatar_file.hpp>
 #include <gsh/io/motion/motion_file.hpp>
@@ -16,8 +17,8 @@
 #include <nlohmann/json.hpp>
 
 #include <algorithm>
-#include <cmath>
 #include <chrono>
+#include <cmath>
 #include <csignal>
 #include <initializer_list>
 #include <iterator>
@@ -132,9 +133,9 @@ TEST_CASE("who asks for nothing gets the default configuration") {
 
 TEST_CASE("without a file of anybody's, the built-in actor is filmed, reconstructed and judged") {
     const OutFolder out;
-    check_done(run({"gsh-reconstruct", "--synthetic", "--out", out.path.string(), "--gaussians", "6000", "--steps",
-                    "60", "--hold-out-motion", "0.25", "--set", "hash.table_size=4096", "--set",
-                    "ao.table_size=4096"}));
+    check_done(
+        run({"gsh-reconstruct", "--synthetic", "--out", out.path.string(), "--gaussians", "6000", "--steps", "60",
+             "--hold-out-motion", "0.25", "--set", "hash.table_size=4096", "--set", "ao.table_size=4096"}));
     const auto metrics = json_of(out.path / "metrics.json");
     CHECK(metrics.at("images").size() == 12);
     CHECK(metrics.at("psnr") > 25.0); // it is 19 after three steps
@@ -304,11 +305,10 @@ TEST_CASE("a reconstruction keeps to time and memory") {
     for (const std::string name : {"light", "paper"}) {
         ConfiguredAvatarParams config = named_configuration(name).avatar;
         config.appearance.field.grid.table_size = config.occlusion.grid.table_size = 4096;
-        const MemoryModel memory = training_memory<cpu::Serial>(
-            config, 64 * 64, held, 1,
-            {.joint_count = s.body.joint_count(),
-             .vertex_count = s.body.vertex_count(),
-             .frame_count = s.capture.frame_count()});
+        const MemoryModel memory = training_memory<cpu::Serial>(config, 64 * 64, held, 1,
+                                                                {.joint_count = s.body.joint_count(),
+                                                                 .vertex_count = s.body.vertex_count(),
+                                                                 .frame_count = s.capture.frame_count()});
         const auto budget = [&](std::size_t gaussians) { return std::to_string(memory.bytes(gaussians)); };
         const test::Outcome fewer =
             run(s.reconstruct(small.path, {"--config", name, "--steps", "1", "--max-memory", budget(1000)}));
@@ -372,8 +372,10 @@ TEST_CASE("pictures of an avatar and of its canonical Gaussians") {
     const Reconstructed& s = reconstructed();
     const test::Temporary folder;
     const auto render = [&](const fs::path& scene, std::vector<std::string> more) {
-        std::vector<std::string> words{"gsh-render", scene.string(), "--camera", s.camera.string(), "--out",
-                                       (folder / "a.png").string(), "--npy", (folder / "a.npy").string()};
+        std::vector<std::string> words{"gsh-render", scene.string(),
+                                       "--camera",   s.camera.string(),
+                                       "--out",      (folder / "a.png").string(),
+                                       "--npy",      (folder / "a.npy").string()};
         words.insert(words.end(), more.begin(), more.end());
         check_done(run(words));
         auto pixels = read_npy<float>(folder / "a.npy");
@@ -412,9 +414,9 @@ TEST_CASE("pictures of an avatar and of its canonical Gaussians") {
         camera["t"][row] = -camera["t"][row].get<double>();
     }
     write_file(folder / "away.json", camera.dump());
-    const test::Outcome away = run({"gsh-render", (s.out / "avatar.ply").string(), "--camera",
-                                    (folder / "away.json").string(), "--out", (folder / "c.png").string(),
-                                    "--background", "1,1,1"});
+    const test::Outcome away =
+        run({"gsh-render", (s.out / "avatar.ply").string(), "--camera", (folder / "away.json").string(), "--out",
+             (folder / "c.png").string(), "--background", "1,1,1"});
     CHECK(away.code == 0);
     CHECK(away.err == test::contains("away.json: sees nothing"));
     CHECK(read_image(folder / "c.png").pixel(0, 0)[0] == 255);

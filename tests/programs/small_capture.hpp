@@ -10,6 +10,7 @@
 #include <gsh/io/body/body_file.hpp>
 #include <gsh/io/capture/camera_file.hpp>
 #include <gsh/io/capture/capture.hpp>
+#include <gsh/io/file/input_file.hpp>
 #include <gsh/io/motion/motion_file.hpp>
 #include <gsh/synthetic/actor.hpp>
 #include <gsh/synthetic/actor_motion.hpp>
@@ -51,10 +52,19 @@ struct SmallCapture {
     /// because a checkpoint stores them three times.
     [[nodiscard]] std::vector<std::string> reconstruct(const fs::path& out, std::vector<std::string> more = {},
                                                        const fs::path& of = {}, const fs::path& with = {}) const {
-        std::vector<std::string> words{"gsh-reconstruct", "--capture", (of.empty() ? path : of).string(),
-                                       "--body", (with.empty() ? body_file : with).string(),
-                                       "--out", out.string(), "--gaussians", "1500",
-                                       "--set", "hash.table_size=4096", "--set", "ao.table_size=4096"};
+        std::vector<std::string> words{"gsh-reconstruct",
+                                       "--capture",
+                                       (of.empty() ? path : of).string(),
+                                       "--body",
+                                       (with.empty() ? body_file : with).string(),
+                                       "--out",
+                                       out.string(),
+                                       "--gaussians",
+                                       "1500",
+                                       "--set",
+                                       "hash.table_size=4096",
+                                       "--set",
+                                       "ao.table_size=4096"};
         words.insert(words.end(), more.begin(), more.end());
         return words;
     }
@@ -103,8 +113,12 @@ std::string bytes_of(const std::vector<T>& numbers) {
     return {reinterpret_cast<const char*>(numbers.data()), numbers.size() * sizeof(T)};
 }
 
-[[nodiscard]] inline nlohmann::json json_of(const fs::path& path) { return nlohmann::json::parse(read_file(path)); }
-[[nodiscard]] inline bool same_file(const fs::path& a, const fs::path& b) { return read_file(a) == read_file(b); }
+[[nodiscard]] inline nlohmann::json json_of(const fs::path& path) {
+    return nlohmann::json::parse(read_file(path));
+}
+[[nodiscard]] inline bool same_file(const fs::path& a, const fs::path& b) {
+    return read_file(a) == read_file(b);
+}
 
 /// Number of regular files in a folder and its subfolders; 0 if it does not exist.
 inline std::size_t files_below(const fs::path& folder) {

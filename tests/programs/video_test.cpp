@@ -7,6 +7,7 @@
 
 #include <gsh/io/body/body_file.hpp>
 #include <gsh/io/file/atomic_file.hpp>
+#include <gsh/io/file/input_file.hpp>
 #include <gsh/io/image/image_file.hpp>
 #include <gsh/io/image/mask_file.hpp>
 #include <gsh/io/motion/motion_file.hpp>

@@ -11,8 +11,8 @@
 #include "view/view_scene.hpp"
 #include "view/view_server.hpp"
 
-#include <gsh/io/file/atomic_file.hpp>
 #include <gsh/io/file/gzip.hpp>
+#include <gsh/io/file/input_file.hpp>
 #include <gsh/io/image/image_file.hpp>
 #include <gsh/loss/metrics.hpp>
 
@@ -260,7 +260,8 @@ TEST_CASE("gsh-view: the server reads a motion that is sent, and names no path o
     CHECK(long_bvh->body != test::contains("zip"));
     const auto named = client.Post(s.path("/motion?person=0&name=%C3%BCber.npz"), bytes, "");
     REQUIRE(named);
-    CHECK(header_of(named->body).first["name"] == "\xC3\xBC" "ber.npz");
+    CHECK(header_of(named->body).first["name"] == "\xC3\xBC"
+                                                  "ber.npz");
     const auto other = client.Post(s.path("/motion?person=0&name=tube.npz"), read_file(test::view_files().left), "");
     check_refusal(other, 400, {"tube.npz"}); // of a body with other joints
 }

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <gsh/io/file/input_file.hpp>
 #include <gsh/io/model/configuration_file.hpp>
 #include <gsh/setup/configuration.hpp>
 
@@ -48,8 +49,10 @@ std::size_t try_ends(const C& defaults) {
                 });
             };
             const auto next = [](double number, int way) { // the next larger or smaller number
-                if constexpr (std::integral<V>) return static_cast<V>(static_cast<V>(number) + way);
-                else return static_cast<V>(std::nextafter(number, way * std::numeric_limits<double>::infinity()));
+                if constexpr (std::integral<V>)
+                    return static_cast<V>(static_cast<V>(number) + way);
+                else
+                    return static_cast<V>(std::nextafter(number, way * std::numeric_limits<double>::infinity()));
             };
             const auto end = [&](double number, bool counts, int outwards) {
                 if (std::isinf(number)) return;
@@ -112,10 +115,10 @@ TEST_CASE("an ablation differs from the paper's in its own part alone") {
     CHECK(differences("no-multiscale") == std::set<std::string>{"fine_levels"});
     CHECK(differences("coarse-only") == std::set<std::string>{"fine_levels"});
     CHECK(differences("smpl-init") == std::set<std::string>{"joints", "region.samples"});
-    CHECK(differences("light") ==
-          std::set<std::string>{"light", "ao.width", "ao.table_size", "ao.points", "ao.start", "sh_start", "gain.rate",
-                                "schedule.stride", "schedule.all_points", "schedule.stored", "rate.stored_sh",
-                                "rate.stored_displacements", "rate.log_scales", "rate.quats"});
+    CHECK(differences("light") == std::set<std::string>{"light", "ao.width", "ao.table_size", "ao.points", "ao.start",
+                                                        "sh_start", "gain.rate", "schedule.stride",
+                                                        "schedule.all_points", "schedule.stored", "rate.stored_sh",
+                                                        "rate.stored_displacements", "rate.log_scales", "rate.quats"});
 }
 
 TEST_CASE("settings read back what they print") {

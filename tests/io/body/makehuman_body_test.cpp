@@ -7,6 +7,7 @@
 
 #include <gsh/body/posed_body.hpp>
 #include <gsh/io/body/makehuman_curve.hpp>
+#include <gsh/io/file/input_file.hpp>
 
 #include <algorithm>
 #include <cmath>

@@ -6,6 +6,7 @@
 
 #include <gsh/io/body/body_file.hpp>
 #include <gsh/io/file/atomic_file.hpp>
+#include <gsh/io/file/input_file.hpp>
 
 #include <doctest/doctest.h>
 

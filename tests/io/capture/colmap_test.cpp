@@ -4,6 +4,8 @@
 #include "io/colmap_files.hpp"
 #include "io/temporary.hpp"
 
+#include <gsh/io/file/input_file.hpp>
+
 #include <bit>
 #include <cmath>
 
@@ -14,7 +16,9 @@ using test::ColmapFiles;
 namespace {
 
 /// Names with a blank, in the order 5 to 9.
-std::string room(std::size_t i) { return std::string("room ").append(std::to_string(i)).append(".png"); }
+std::string room(std::size_t i) {
+    return std::string("room ").append(std::to_string(i)).append(".png");
+}
 
 /// Five images, one per camera, none, two or three features each; three points with tracks; ids out of order.
 ColmapFiles sample() {

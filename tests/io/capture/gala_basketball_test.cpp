@@ -11,6 +11,7 @@
 #include <gsh/body/skeleton.hpp>
 #include <gsh/body/vertex_samples.hpp>
 #include <gsh/io/body/body_file.hpp>
+#include <gsh/io/file/input_file.hpp>
 
 #include <functional>
 #include <string>

@@ -4,6 +4,8 @@
 #include "io/npz_files.hpp"
 #include "io/temporary.hpp"
 
+#include <gsh/io/file/input_file.hpp>
+
 #include <nlohmann/json.hpp>
 
 #include <cstdint>
@@ -74,7 +76,9 @@ PriorFiles& prior_files() {
     return instance;
 }
 
-const Camera<double>& pinhole(const EstimatedView& view) { return std::get<Camera<double>>(view.view.camera); }
+const Camera<double>& pinhole(const EstimatedView& view) {
+    return std::get<Camera<double>>(view.view.camera);
+}
 
 } // namespace
 

@@ -5,6 +5,8 @@
 #include "io/other_process.hpp"
 #include "io/temporary.hpp"
 
+#include <gsh/io/file/input_file.hpp>
+
 #include <vector>
 
 using namespace gsh;

@@ -4,6 +4,8 @@
 #include "io/other_process.hpp"
 #include "io/temporary.hpp"
 
+#include <gsh/io/file/input_file.hpp>
+
 #include <unistd.h>
 
 #include <string>

@@ -4,6 +4,8 @@
 #include "io/temporary.hpp"
 #include "support/gradient.hpp"
 
+#include <gsh/io/file/input_file.hpp>
+
 #include <cmath>
 #include <cstdint>
 #include <filesystem>

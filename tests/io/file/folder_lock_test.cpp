@@ -5,6 +5,7 @@
 #include "io/temporary.hpp"
 
 #include <gsh/io/file/folder_lock.hpp>
+#include <gsh/io/file/input_file.hpp>
 
 #include <string>
 

@@ -7,6 +7,7 @@
 
 #include <gsh/io/capture/camera_file.hpp>
 #include <gsh/io/file/gltf_file.hpp>
+#include <gsh/io/file/input_file.hpp>
 #include <gsh/io/file/npz.hpp>
 #include <gsh/io/file/npz_writer.hpp>
 #include <gsh/io/file/number_lines.hpp>

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gsh/io/file/npz.hpp>
 
+#include <gsh/io/file/input_file.hpp>
 #include <gsh/io/file/npz_writer.hpp>
 
 #include "io/npz_files.hpp"

@@ -4,6 +4,8 @@
 #include "io/safetensors_files.hpp"
 #include "io/temporary.hpp"
 
+#include <gsh/io/file/input_file.hpp>
+
 #include <cmath>
 #include <cstdint>
 #include <limits>
@@ -25,7 +27,9 @@ std::string tensor(const std::string& name, const std::string& dtype, const std:
 }
 
 /// {inner}; appended, because GCC 12 sees overlaps where a literal comes first.
-std::string object(const std::string& inner) { return std::string(1, '{').append(inner).append(1, '}'); }
+std::string object(const std::string& inner) {
+    return std::string(1, '{').append(inner).append(1, '}');
+}
 
 /// The error message for a file with this header and this many bytes of numbers.
 void check_refused(const std::string& header, std::size_t data, std::initializer_list<std::string_view> words) {
@@ -85,8 +89,8 @@ TEST_CASE("numbers that are none are refused, and named") {
     }
     const std::string halves("\x00\x7e\x00\x7c", 4), big("\0\0\0\0\0\0\xf0\x7e", 8);
     write_file(folder / "b.safetensors", safetensors_bytes(object(tensor("h", "F16", "[2]", "[0, 4]") + ", " +
-                                                                   tensor("d", "F64", "[]", "[4, 12]")),
-                                                            halves + big));
+                                                                  tensor("d", "F64", "[]", "[4, 12]")),
+                                                           halves + big));
     const SafetensorsReader file(folder / "b.safetensors");
     check_throws<ValueError>([&] { (void)file.read<float>("h"); }, {"h[0] is NaN"});
     check_throws<ValueError>([&] { (void)file.read<float>("d"); }, {"d[]", "fits <f4"});
@@ -95,10 +99,9 @@ TEST_CASE("numbers that are none are refused, and named") {
 
 TEST_CASE("types that are no real numbers are refused when read, not before") {
     const test::Temporary folder;
-    write_file(folder / "a.safetensors",
-               safetensors_bytes(object(tensor("i", "I64", "[2]", "[0, 16]") + ", " +
-                                        tensor("q", "F4", "[3]", "[16, 18]")),
-                                 std::string(18, '\1')));
+    write_file(folder / "a.safetensors", safetensors_bytes(object(tensor("i", "I64", "[2]", "[0, 16]") + ", " +
+                                                                  tensor("q", "F4", "[3]", "[16, 18]")),
+                                                           std::string(18, '\1')));
     const SafetensorsReader file(folder / "a.safetensors");
     check_throws<IoError>([&] { (void)file.read<float>("i"); }, {": i has dtype I64", "F16, BF16, F32 or F64"});
     check_throws<IoError>([&] { (void)file.read<float>("q"); }, {": q has dtype F4"});

@@ -11,6 +11,7 @@
 #include <doctest/doctest.h>
 
 #include <gsh/body/retarget.hpp>
+#include <gsh/io/file/input_file.hpp>
 #include <gsh/io/motion/bvh_export.hpp>
 #include <gsh/io/motion/bvh_file.hpp>
 #include <gsh/synthetic/actor_motion.hpp>

@@ -9,6 +9,7 @@
 #include <doctest/doctest.h>
 
 #include <gsh/body/retarget.hpp>
+#include <gsh/io/file/input_file.hpp>
 #include <gsh/io/motion/gltf_export.hpp>
 #include <gsh/io/motion/gltf_motion.hpp>
 #include <gsh/synthetic/actor_motion.hpp>
@@ -106,9 +107,11 @@ TEST_CASE("times that are one float, names in another encoding, several roots") 
     for (double& time : rig.timestamps) time += 1e9; // where floats are 64 s apart
     test::check_throws<ValueError>([&] { save_gltf_motion(folder / "a.glb", rig); }, {"a.glb", "frames 0 and 1"});
     rig = rig_of_motion(test::skeleton_body(), motion_of_body());
-    rig.names[3] = "R\xFC" "cken"; // Latin-1
+    rig.names[3] = "R\xFC"
+                   "cken"; // Latin-1
     save_gltf_motion(folder / "a.glb", rig);
-    CHECK(load_gltf_motion(folder / "a.glb").names[3] == "R\xEF\xBF\xBD" "cken");
+    CHECK(load_gltf_motion(folder / "a.glb").names[3] == "R\xEF\xBF\xBD"
+                                                         "cken");
     CHECK(test::json_of_glb(folder / "a.glb")["skins"][0]["skeleton"] == 0);
     rig.parents[1] = -1;
     save_gltf_motion(folder / "a.glb", rig);

@@ -8,6 +8,7 @@
 
 #include <doctest/doctest.h>
 
+#include <gsh/io/file/input_file.hpp>
 #include <gsh/io/motion/any_motion.hpp>
 
 #include <cstddef>

@@ -4,6 +4,8 @@
 #include "io/splat_clouds.hpp"
 #include "io/temporary.hpp"
 
+#include <gsh/io/file/input_file.hpp>
+
 #include <string>
 
 using namespace gsh;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gsh/gaussian/cloud_edits.hpp>
+#include <gsh/io/file/input_file.hpp>
 #include <gsh/io/splat/compressed_ply.hpp>
 
 #include "io/damage.hpp"

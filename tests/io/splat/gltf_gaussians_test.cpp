@@ -7,6 +7,7 @@
 #include "io/temporary.hpp"
 #include "support/contains.hpp"
 
+#include <gsh/io/file/input_file.hpp>
 #include <gsh/io/splat/any_splats.hpp>
 #include <gsh/io/splat/gltf_splats.hpp>
 

@@ -6,6 +6,8 @@
 #include "io/splat_clouds.hpp"
 #include "io/temporary.hpp"
 
+#include <gsh/io/file/input_file.hpp>
+
 #include <functional>
 #include <initializer_list>
 #include <numbers>

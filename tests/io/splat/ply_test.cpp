@@ -7,6 +7,8 @@
 #include "support/contains.hpp"
 #include "support/gradient.hpp"
 
+#include <gsh/io/file/input_file.hpp>
+
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
@@ -54,8 +56,8 @@ struct Column {
     double value;
 };
 std::vector<Column> columns() {
-    return {{"x", "float", 1},       {"y", "float", 2},       {"z", "float", 3},       {"f_dc_0", "float", 4},
-            {"f_dc_1", "float", 5},  {"f_dc_2", "float", 6},  {"opacity", "float", 7}, {"scale_0", "float", 8},
+    return {{"x", "float", 1},       {"y", "float", 2},        {"z", "float", 3},       {"f_dc_0", "float", 4},
+            {"f_dc_1", "float", 5},  {"f_dc_2", "float", 6},   {"opacity", "float", 7}, {"scale_0", "float", 8},
             {"scale_1", "float", 9}, {"scale_2", "float", 10}, {"rot_0", "float", 11},  {"rot_1", "float", 12},
             {"rot_2", "float", 13},  {"rot_3", "float", 14}};
 }
@@ -70,10 +72,14 @@ std::string row(const std::vector<Column>& list) {
     std::string bytes;
     const auto append = [&](auto value) { bytes.append(reinterpret_cast<const char*>(&value), sizeof value); };
     for (const auto& column : list) {
-        if (column.type == "double") append(column.value);
-        else if (column.type == "uchar") append(static_cast<std::uint8_t>(column.value));
-        else if (column.type == "short") append(static_cast<std::int16_t>(column.value));
-        else append(static_cast<float>(column.value));
+        if (column.type == "double")
+            append(column.value);
+        else if (column.type == "uchar")
+            append(static_cast<std::uint8_t>(column.value));
+        else if (column.type == "short")
+            append(static_cast<std::int16_t>(column.value));
+        else
+            append(static_cast<float>(column.value));
     }
     return bytes;
 }
@@ -103,8 +109,7 @@ TEST_CASE("the file has the reference code's layout") {
     write_gaussian_ply(folder / "a.ply", cloud);
     const std::string bytes = read_file(folder / "a.ply");
     const std::size_t begin = bytes.find("end_header\n") + 11;
-    CHECK(bytes.starts_with(
-        "ply\nformat binary_little_endian 1.0\ncomment written by gsh "));
+    CHECK(bytes.starts_with("ply\nformat binary_little_endian 1.0\ncomment written by gsh "));
     CHECK(bytes == test::contains("\nelement vertex 2\nproperty float x\nproperty float y\n"));
     CHECK(bytes.size() == begin + 2 * 62 * 4);
     float second[62];
@@ -297,8 +302,8 @@ TEST_CASE("the header states vertical and filter, and the reader heeds them") {
     const auto cloud = make_cloud(9, 3);
     write_gaussian_ply(path, cloud, {.up = UpAxis::minus_y, .filter = PixelFilter{0.1, true}});
     const std::string text = read_file(path);
-    for (const char* line : {"comment gsh.up -y\n", "comment gsh.filter dilation 0.1 compensated\n",
-                             "comment antialiased 1\n"})
+    for (const char* line :
+         {"comment gsh.up -y\n", "comment gsh.filter dilation 0.1 compensated\n", "comment antialiased 1\n"})
         CHECK(text == test::contains(line));
     const StillSplats splats = read_ply_splats(path);
     check_equal(splats.cloud, cloud);

@@ -5,6 +5,8 @@
 #include "io/splat_clouds.hpp"
 #include "io/temporary.hpp"
 
+#include <gsh/io/file/input_file.hpp>
+
 #include <cmath>
 #include <cstddef>
 #include <filesystem>

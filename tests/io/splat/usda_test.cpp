@@ -6,6 +6,8 @@
 #include "io/temporary.hpp"
 #include "support/contains.hpp"
 
+#include <gsh/io/file/input_file.hpp>
+
 #include <charconv>
 #include <string>
 #include <string_view>

@@ -4,7 +4,7 @@
 #include "programs/cuda/on_cuda.hpp"
 #include "support/contains.hpp"
 
-#include <gsh/io/file/atomic_file.hpp>
+#include <gsh/io/file/input_file.hpp>
 
 #include <csignal>
 
@@ -147,8 +147,8 @@ TEST_CASE("a GPU that fails ends the program with one line; an earlier checkpoin
     }
     CHECK(kept);
     CHECK(lost);
-    check_done(run(reconstruction(
-        out, Words{"--config", "no-ao", "--steps", "60", "--gaussians", "40", "--resume"} + on_cuda)));
+    check_done(run(
+        reconstruction(out, Words{"--config", "no-ao", "--steps", "60", "--gaussians", "40", "--resume"} + on_cuda)));
     CHECK(read_file(out / "avatar.gsh") != avatar);
 }
 #endif

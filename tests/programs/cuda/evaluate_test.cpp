@@ -4,6 +4,7 @@
 #include "support/contains.hpp"
 
 #include <gsh/io/file/atomic_file.hpp>
+#include <gsh/io/file/input_file.hpp>
 
 using namespace gsh;
 using test::check_done;

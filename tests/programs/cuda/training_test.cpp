@@ -4,6 +4,7 @@
 #include "programs/cuda/on_cuda.hpp"
 #include "support/contains.hpp"
 
+#include <gsh/io/file/input_file.hpp>
 #include <gsh/io/motion/motion_file.hpp>
 #include <gsh/setup/configuration.hpp>
 
@@ -86,8 +87,8 @@ TEST_CASE("photographs whose colours have half the resolution") {
     save_capture(folder / "capture", filmed);
     const Words paper{"--config", "paper"};
     check_reconstruction(folder / "", paper, folder / "capture");
-    check_done(run(reconstruction(folder / "whole", paper + on_cuda + Words{"--set", "half_chroma=false"},
-                                  folder / "capture")));
+    check_done(run(
+        reconstruction(folder / "whole", paper + on_cuda + Words{"--set", "half_chroma=false"}, folder / "capture")));
     CHECK(!test::same_file(folder / "whole/avatar.gsh", folder / "cuda/avatar.gsh"));
 }
 
@@ -102,8 +103,7 @@ TEST_CASE("people before plates") {
         // A column at the edge, without a person, is the plate.
         const PixelImage picture = read_image(folder / "cuda/test/test00_0000.png");
         for (int y = 0; y < 64; ++y)
-            for (int c = 0; c < 3; ++c)
-                CHECK(picture.pixel(y, 0)[c] == filmed.backgrounds[2].pixel(y, 0)[c]);
+            for (int c = 0; c < 3; ++c) CHECK(picture.pixel(y, 0)[c] == filmed.backgrounds[2].pixel(y, 0)[c]);
     }
 }
 
@@ -143,11 +143,22 @@ TEST_CASE("static, with density control") {
     const test::Temporary folder;
     const fs::path cuda = folder / "cuda", threads = folder / "threads";
     const auto words = [&](const fs::path& out) {
-        Words all{"gsh-reconstruct", "--capture", studio().path.string(), "--config", "static", "--out", out.string(),
-                  "--gaussians", "400", "--steps", "24", "--threads", "2"};
-        for (const char* setting : {"density.start=3", "density.interval=4", "density.gradient_threshold=1e-6",
-                                    "density.min_opacity=0.1", "density.reset_opacity=0.2", "density.reset_interval=9",
-                                    "sh_interval=5"})
+        Words all{"gsh-reconstruct",
+                  "--capture",
+                  studio().path.string(),
+                  "--config",
+                  "static",
+                  "--out",
+                  out.string(),
+                  "--gaussians",
+                  "400",
+                  "--steps",
+                  "24",
+                  "--threads",
+                  "2"};
+        for (const char* setting :
+             {"density.start=3", "density.interval=4", "density.gradient_threshold=1e-6", "density.min_opacity=0.1",
+              "density.reset_opacity=0.2", "density.reset_interval=9", "sh_interval=5"})
             all = all + Words{"--set", setting};
         return all;
     };

@@ -6,6 +6,7 @@
 #include <gsh/core/error.hpp>
 #include <gsh/io/file/archive.hpp>
 #include <gsh/io/file/compact_arrays.hpp>
+#include <gsh/io/file/input_file.hpp>
 #include <gsh/io/file/npz.hpp>
 #include <gsh/io/file/npz_writer.hpp>
 
@@ -30,7 +31,7 @@ namespace gsh {
 /// other cases all directions are shape.
 ///
 /// Errors  IoError, ShapeError or ValueError, naming file and key, for anything that makes the model invalid.
-[[nodiscard]] inline BodyModel load_body_model(const std::filesystem::path& path);
+[[nodiscard]] inline BodyModel load_body_model(const InputFile& input);
 
 /// Writes the same layout in double precision, atomically; reading it back gives the same model.
 inline void save_body_model(const std::filesystem::path& path, const BodyModel& model);
@@ -114,8 +115,8 @@ inline std::vector<int> parents_of(const NpzReader& file, const std::string& key
 
 } // namespace detail
 
-inline BodyModel load_body_model(const std::filesystem::path& path) {
-    const NpzReader file(path);
+inline BodyModel load_body_model(const InputFile& input) {
+    const NpzReader file(input);
     detail::check_first_version(file, "body");
     return read_body_model(file);
 }
@@ -145,9 +146,8 @@ inline BodyModel read_body_model(const NpzReader& file, const std::string& prefi
     model.expression_count = static_cast<int>(C - S);
     if (const auto features = static_cast<std::int64_t>(model.pose_feature_count());
         has_numbers(file, prefix + "posedirs"))
-        model.posedirs =
-            detail::directions_of(read_numbers<double>(file, prefix + "posedirs", {vertices, 3, features}), 0,
-                                  model.pose_feature_count());
+        model.posedirs = detail::directions_of(read_numbers<double>(file, prefix + "posedirs", {vertices, 3, features}),
+                                               0, model.pose_feature_count());
 
     if (file.has_array(prefix + "vt") && file.has_array(prefix + "ft")) {
         const auto vt = file.read<double>(prefix + "vt", {any_length, 2});
@@ -182,22 +182,24 @@ inline void save_body_model(const std::filesystem::path& path, const BodyModel& 
     file.commit();
 }
 
-inline void add_body_model(NpzWriter& file, const BodyModel& model, const std::string& prefix,
-                           ArrayStorage storage) {
+inline void add_body_model(NpzWriter& file, const BodyModel& model, const std::string& prefix, ArrayStorage storage) {
     validate(model, "add_body_model");
     const std::size_t V = model.vertex_count(), J = model.joint_count();
     const auto S = static_cast<std::size_t>(model.shape_count), E = static_cast<std::size_t>(model.expression_count);
     const auto add_numbers = [&](const char* key, Span<const double> numbers, const Shape& shape) {
         if (storage == ArrayStorage::single)
             file.add(prefix + key, std::vector<float>(numbers.begin(), numbers.end()), shape);
-        else file.add<double>(prefix + key, numbers, shape);
+        else
+            file.add<double>(prefix + key, numbers, shape);
     };
     const auto add_vectors = [&](const char* key, const std::vector<vec3<double>>& rows, const Shape& shape) {
         add_numbers(key, {rows.empty() ? nullptr : &rows[0].x, 3 * rows.size()}, shape);
     };
     const auto add_large = [&](const char* key, const std::vector<double>& numbers, const Shape& shape) {
-        if (storage == ArrayStorage::dense || storage == ArrayStorage::single) add_numbers(key, numbers, shape);
-        else add_sparse(file, prefix + key, numbers, shape);
+        if (storage == ArrayStorage::dense || storage == ArrayStorage::single)
+            add_numbers(key, numbers, shape);
+        else
+            add_sparse(file, prefix + key, numbers, shape);
     };
     const auto add_triangles = [&](const char* key, const std::vector<std::array<int, 3>>& triangles) {
         file.add<int>(prefix + key, {triangles.empty() ? nullptr : triangles[0].data(), 3 * triangles.size()},
@@ -211,13 +213,16 @@ inline void add_body_model(NpzWriter& file, const BodyModel& model, const std::s
                     rows[(3 * v + axis) * count + k] = direction(v, k)[static_cast<int>(axis)];
         if (storage != ArrayStorage::compact) return add_large(key, rows, {V, 3, count});
         // Corrections by the pose are many and small.
-        if (key == std::string("posedirs")) add_quantised<std::int8_t, double>(file, prefix + key, rows, count, true);
-        else add_quantised<std::int16_t, double>(file, prefix + key, rows, count, true);
+        if (key == std::string("posedirs"))
+            add_quantised<std::int8_t, double>(file, prefix + key, rows, count, true);
+        else
+            add_quantised<std::int16_t, double>(file, prefix + key, rows, count, true);
     };
     if (storage == ArrayStorage::compact)
-        add_quantised<std::int16_t, double>(file, prefix + "v_template",
-                                            {V ? &model.v_template[0].x : nullptr, 3 * V}, 3);
-    else add_vectors("v_template", model.v_template, {V, 3});
+        add_quantised<std::int16_t, double>(file, prefix + "v_template", {V ? &model.v_template[0].x : nullptr, 3 * V},
+                                            3);
+    else
+        add_vectors("v_template", model.v_template, {V, 3});
     add_triangles("f", model.faces);
     add_directions("shapedirs", S + E, [&](std::size_t v, std::size_t k) {
         return k < S ? model.shapedirs[v * S + k] : model.exprdirs[v * E + k - S];

@@ -4,9 +4,9 @@
 
 #include <gsh/core/error.hpp>
 #include <gsh/core/message.hpp>
-#include <gsh/io/file/atomic_file.hpp>
 #include <gsh/io/file/foreign_file.hpp>
 #include <gsh/io/file/gzip.hpp>
+#include <gsh/io/file/input_file.hpp>
 #include <gsh/io/file/named_path.hpp>
 #include <gsh/io/file/zip_reader.hpp>
 

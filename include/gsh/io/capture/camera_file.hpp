@@ -7,6 +7,7 @@
 #include <gsh/core/error.hpp>
 #include <gsh/io/capture/named_camera.hpp>
 #include <gsh/io/file/atomic_file.hpp>
+#include <gsh/io/file/input_file.hpp>
 #include <gsh/io/file/json_file.hpp>
 #include <gsh/io/file/named_path.hpp>
 
@@ -30,10 +31,10 @@ namespace gsh {
 /// Errors  IoError for a file that is missing or truncated, and for a camera with a missing or unknown field;
 ///         ValueError for numbers that do not form a camera: a singular K, skew, an R that is not a rotation. Messages
 ///         name the file, the camera and the field.
-[[nodiscard]] inline CameraList read_cameras(const std::filesystem::path& path);
+[[nodiscard]] inline CameraList read_cameras(const InputFile& input);
 
 /// Reads one camera: from a file with a single entry, or the entry `name` of a list (if `name` is empty, the only one).
-[[nodiscard]] inline NamedCamera read_camera(const std::filesystem::path& path, std::string_view name = {});
+[[nodiscard]] inline NamedCamera read_camera(const InputFile& input, std::string_view name = {});
 
 inline void write_cameras(const std::filesystem::path& path, const CameraList& list);
 inline void write_camera(const std::filesystem::path& path, const NamedCamera& camera);
@@ -155,27 +156,27 @@ inline Json camera_json(const NamedCamera& named) {
 
 } // namespace detail
 
-inline CameraList read_cameras(const std::filesystem::path& path) {
-    return detail::read_camera_list(detail::read_json(path, "cameras"), path.string());
+inline CameraList read_cameras(const InputFile& input) {
+    return detail::read_camera_list(detail::read_json(input, "cameras"), input.name());
 }
 
-inline NamedCamera read_camera(const std::filesystem::path& path, std::string_view name) {
-    const detail::Json json = detail::read_json(path, "cameras");
+inline NamedCamera read_camera(const InputFile& input, std::string_view name) {
+    const detail::Json json = detail::read_json(input, "cameras");
     if (json.is_object() && !json.contains("cameras")) {
-        NamedCamera camera = detail::read_camera_entry(json, path.string());
+        NamedCamera camera = detail::read_camera_entry(json, input.name());
         if (!name.empty() && camera.name != name)
-            throw IoError(path.string() + ": holds the camera '" + detail::shortened(camera.name) + "', not '" +
+            throw IoError(input.name() + ": holds the camera '" + detail::shortened(camera.name) + "', not '" +
                           std::string(name) + "'");
         return camera;
     }
-    CameraList list = detail::read_camera_list(json, path.string());
+    CameraList list = detail::read_camera_list(json, input.name());
     if (name.empty() && list.cameras.size() == 1) return std::move(list.cameras[0]);
     std::vector<std::string> known;
     for (NamedCamera& camera : list.cameras) {
         if (camera.name == name) return std::move(camera);
         known.push_back(camera.name);
     }
-    throw IoError(path.string() + ": holds " + std::to_string(list.cameras.size()) + " cameras, " +
+    throw IoError(input.name() + ": holds " + std::to_string(list.cameras.size()) + " cameras, " +
                   (name.empty() ? std::string("name one of them") : "none called '" + std::string(name) + "'") + ": " +
                   detail::listed(known, "none"));
 }

@@ -4,7 +4,7 @@
 
 #include <gsh/core/error.hpp>
 #include <gsh/core/message.hpp>
-#include <gsh/io/file/atomic_file.hpp>
+#include <gsh/io/file/input_file.hpp>
 
 #include <algorithm>
 #include <bit>

@@ -13,6 +13,7 @@
 #include <gsh/io/capture/capture_photos.hpp>
 #include <gsh/io/capture/named_camera.hpp>
 #include <gsh/io/file/folder_list.hpp>
+#include <gsh/io/file/input_file.hpp>
 #include <gsh/io/file/number_lines.hpp>
 #include <gsh/io/image/image_file.hpp>
 #include <gsh/io/motion/any_motion.hpp>
@@ -47,8 +48,8 @@ struct GalaScene {
 ///
 /// Frame  that of the cameras which load_gala_scene returns: the files' world with x negated, y up, in metres.
 struct GalaMotions {
-    Span<const BodyModel> bodies = {};         ///< one for all, or one for each person; none: the rig of the data set
-    std::vector<std::filesystem::path> files;  ///< what load_any_motion reads, one for each person of the scene
+    Span<const BodyModel> bodies = {};        ///< one for all, or one for each person; none: the rig of the data set
+    std::vector<std::filesystem::path> files; ///< what load_any_motion reads, one for each person of the scene
 };
 
 /// Loads a scene. Its layout, in addition to the rig in options.model (default: FOLDER/../model):
@@ -103,13 +104,13 @@ inline GalaSplit known_gala_split(std::string_view scene) {
 }
 
 /// Reads a camera file. The files' left-handed camera looks along +z with y up; ours has y down.
-inline Camera<double> read_gala_camera(const std::filesystem::path& path) {
-    const NumberLines lines(path);
+inline Camera<double> read_gala_camera(const InputFile& input) {
+    const NumberLines lines(input);
     const std::vector<double>& view = lines.at(0, 3, "field of view, width, height");
     const vec3<double> position = lines.vector(1, "position");
     const std::vector<double>& q = lines.at(2, 4, "quaternion x, y, z, w");
     const vec3<double> scale = lines.size() > 3 ? lines.vector(3, "scale") : vec3<double>(1);
-    const std::string name = path.string();
+    const std::string name = input.name();
     check_value(view[0] > 0 && view[0] < 180, name,
                 "the vertical field of view is " + number_text(view[0]) + ", expected degrees between 0 and 180");
     check_value(view[1] >= 1 && view[2] >= 1 && view[1] <= 65535 && view[2] <= 65535, name,
@@ -289,8 +290,8 @@ GalaScene load_gala_scene(E& executor, const std::filesystem::path& folder, cons
         warnings->push_back(folder.string() + ": " + std::to_string(missing.size()) +
                             " photographs are missing and are left out: " +
                             detail::listing(missing.size(), 6, [&](std::size_t k) { return missing[k]; }));
-    const BodyModel& body = motions.bodies.empty() ? scene.rig.body
-                                                   : motions.bodies[std::min(person, motions.bodies.size() - 1)];
+    const BodyModel& body =
+        motions.bodies.empty() ? scene.rig.body : motions.bodies[std::min(person, motions.bodies.size() - 1)];
     detail::finish_capture(capture, body, options, folder, warnings);
     return scene;
 }

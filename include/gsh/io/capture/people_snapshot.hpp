@@ -13,6 +13,7 @@
 #include <gsh/io/capture/capture_photos.hpp>
 #include <gsh/io/capture/frame_files.hpp>
 #include <gsh/io/file/folder_list.hpp>
+#include <gsh/io/file/input_file.hpp>
 #include <gsh/io/file/json_file.hpp>
 #include <gsh/io/file/npy.hpp>
 #include <gsh/io/file/npz.hpp>
@@ -84,16 +85,16 @@ inline SnapshotSplit known_split(std::string_view subject) {
     return {};
 }
 
-inline SnapshotSplit read_split(const std::filesystem::path& path) {
-    const Json json = read_json(path);
-    const JsonObject object(json, path.string());
+inline SnapshotSplit read_split(const InputFile& input) {
+    const Json json = read_json(input);
+    const JsonObject object(json, input.name());
     const auto range = [&](const char* field) {
         const std::vector<int> numbers = object.integers(field);
         if (numbers.size() != 3)
-            throw ShapeError(path.string() + ": " + field + " has " + std::to_string(numbers.size()) +
+            throw ShapeError(input.name() + ": " + field + " has " + std::to_string(numbers.size()) +
                              " numbers, expected first, last, step");
         const FrameRange result{numbers[0], numbers[1], numbers[2]};
-        check_range(result, path.string() + ": " + field);
+        check_range(result, input.name() + ": " + field);
         return result;
     };
     SnapshotSplit split;
@@ -111,8 +112,8 @@ inline std::vector<std::filesystem::path> list_masks(const std::filesystem::path
 }
 
 /// The camera of cameras.npz at full size, with pixel coordinates counted from the image's corner.
-inline Camera<double> read_snapshot_camera(const std::filesystem::path& path) {
-    const NpzReader file(path);
+inline Camera<double> read_snapshot_camera(const InputFile& input) {
+    const NpzReader file(input);
     const auto K = file.read<double>("intrinsic", {3, 3}, Numbers::any),
                E = file.read<double>("extrinsic", {4, 4}, Numbers::any);
     const auto size = [&](const char* key) {
@@ -124,7 +125,7 @@ inline Camera<double> read_snapshot_camera(const std::filesystem::path& path) {
     const mat3<double> R(vec3<double>(E[0], E[4], E[8]), vec3<double>(E[1], E[5], E[9]),
                          vec3<double>(E[2], E[6], E[10]));
     return camera_from_K<double>(K.data, R, vec3<double>(E[3], E[7], E[11]), size("width"), size("height"),
-                                 path.string());
+                                 input.name());
 }
 
 /// Motion of fits (io/motion/smplifyx_file.hpp, or any input of load_any_motion) for these frames of a video with

@@ -7,8 +7,8 @@
 #include <gsh/core/span.hpp>
 #include <gsh/image/image.hpp>
 #include <gsh/io/capture/camera_file.hpp>
-#include <gsh/io/file/atomic_file.hpp>
 #include <gsh/io/file/crc32.hpp>
+#include <gsh/io/file/input_file.hpp>
 #include <gsh/io/file/json_file.hpp>
 #include <gsh/io/file/named_path.hpp>
 #include <gsh/io/image/depth_map_file.hpp>

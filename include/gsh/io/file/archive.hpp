@@ -4,6 +4,7 @@
 
 #include <gsh/core/error.hpp>
 #include <gsh/io/file/format_version.hpp>
+#include <gsh/io/file/input_file.hpp>
 #include <gsh/io/file/npz.hpp>
 #include <gsh/io/file/npz_writer.hpp>
 
@@ -47,7 +48,7 @@ public:
 class ArchiveReader {
 public:
     /// `oldest` is the first version that is read, or 0 for `version` alone.
-    ArchiveReader(std::filesystem::path path, std::string_view kind, int version, int oldest = 0);
+    ArchiveReader(InputFile input, std::string_view kind, int version, int oldest = 0);
 
     [[nodiscard]] bool has(std::string_view key) const { return file_.has(key); }
     /// The archive as a plain .npz, for functions that read parts of it.
@@ -83,7 +84,7 @@ private:
 };
 
 /// The kind of an archive ("avatar"); empty for a file that is not an archive of this library.
-[[nodiscard]] inline std::string archive_kind(const std::filesystem::path& path);
+[[nodiscard]] inline std::string archive_kind(const InputFile& input);
 
 // -------------------------------------------------------------------------------------------------------------
 
@@ -102,8 +103,8 @@ inline void check_first_version(const NpzReader& file, std::string_view kind) {
 }
 } // namespace detail
 
-inline ArchiveReader::ArchiveReader(std::filesystem::path path, std::string_view kind, int version, int oldest)
-    : file_(std::move(path)) {
+inline ArchiveReader::ArchiveReader(InputFile input, std::string_view kind, int version, int oldest)
+    : file_(std::move(input)) {
     const std::string name = file_.path().string(), format = detail::archive_format(file_);
     if (format.empty())
         throw IoError(name + ": is not a gsh file: gsh_format is missing, expected '" + std::string(kind) + " " +
@@ -111,8 +112,8 @@ inline ArchiveReader::ArchiveReader(std::filesystem::path path, std::string_view
     detail::check_format(name, format, kind, version, oldest ? oldest : version);
 }
 
-inline std::string archive_kind(const std::filesystem::path& path) {
-    const std::string format = detail::archive_format(NpzReader(path));
+inline std::string archive_kind(const InputFile& input) {
+    const std::string format = detail::archive_format(NpzReader(input));
     return format.substr(0, format.find(' '));
 }
 

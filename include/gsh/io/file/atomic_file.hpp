@@ -78,11 +78,6 @@ inline void write_file(const std::filesystem::path& path, std::string_view text,
     file.commit(sync);
 }
 
-/// The whole contents of a file.
-///
-/// Errors  IoError if it cannot be read, or is larger than `limit` bytes.
-[[nodiscard]] inline std::string read_file(const std::filesystem::path& path, std::size_t limit = std::size_t(1) << 30);
-
 // -------------------------------------------------------------------------------------------------------------
 
 inline AtomicFile::AtomicFile(std::filesystem::path path) : path_(std::move(path)), target_(path_) {
@@ -167,25 +162,6 @@ inline void AtomicFile::fail(std::string_view deed, int error) {
     throw IoError(
         path_.string() + ": " + std::string(deed) + ": " + std::generic_category().message(error) +
         (error == ENOSPC || error == EFBIG || error == EDQUOT ? "; nothing was changed, free some space" : ""));
-}
-
-inline std::string read_file(const std::filesystem::path& path, std::size_t limit) {
-    std::error_code error;
-    if (std::filesystem::is_directory(path, error)) throw IoError(path.string() + ": is a directory, expected a file");
-    const auto close = [](std::FILE* stream) { std::fclose(stream); };
-    const std::unique_ptr<std::FILE, decltype(close)> file(std::fopen(path.c_str(), "rbe"), close);
-    if (!file) throw IoError(path.string() + ": cannot be opened: " + std::generic_category().message(errno));
-    std::string content;
-    char block[1 << 16];
-    while (const std::size_t count = std::fread(block, 1, sizeof block, file.get())) {
-        content.append(block, count);
-        if (content.size() > limit)
-            throw IoError(path.string() + ": is larger than " + std::to_string(limit) +
-                          " bytes, the most that is read");
-    }
-    if (std::ferror(file.get()))
-        throw IoError(path.string() + ": cannot be read: " + std::generic_category().message(errno));
-    return content;
 }
 
 } // namespace gsh

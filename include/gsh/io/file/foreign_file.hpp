@@ -2,6 +2,7 @@
 /// @file  Names files of other programs by their first bytes, with the way to convert them, for messages of readers.
 #pragma once
 
+#include <gsh/io/file/input_file.hpp>
 #include <gsh/io/file/text_lines.hpp>
 
 #include <algorithm>
@@ -28,11 +29,11 @@ struct ForeignKind {
 };
 
 /// Recognises a file by its first bytes. No file is read further, nothing in it is run.
-[[nodiscard]] inline ForeignKind foreign_kind(const std::filesystem::path& path);
+[[nodiscard]] inline ForeignKind foreign_kind(const InputFile& input);
 
 /// The end of a reader's message about a file that it cannot read: "is a pickle of Python (protocol 4), expected an
 /// .npz archive; …" with the way out, or `otherwise` for a file of unknown kind, or of the reader's own `family`.
-[[nodiscard]] inline std::string not_the_kind(const std::filesystem::path& path, std::string_view expected,
+[[nodiscard]] inline std::string not_the_kind(const InputFile& input, std::string_view expected,
                                               std::string_view family, const std::string& otherwise);
 
 /// What a folder holds in which a reader finds nothing, for messages: "; it holds 20 files .pkl, such as 000.pkl, a
@@ -47,18 +48,21 @@ namespace detail {
 struct FileEnds {
     std::string head;
     char last = 0;
-    std::uintmax_t size = 0;
+    std::size_t size = 0;
+    bool is_read = false;
 
-    explicit FileEnds(const std::filesystem::path& path) {
-        std::error_code error;
-        if (!std::filesystem::is_regular_file(path, error)) return;
-        size = std::filesystem::file_size(path, error);
-        const auto close = [](std::FILE* stream) { std::fclose(stream); };
-        const std::unique_ptr<std::FILE, decltype(close)> file(std::fopen(path.c_str(), "rbe"), close);
-        if (!file) return;
-        char bytes[4096];
-        head.assign(bytes, std::fread(bytes, 1, sizeof bytes, file.get()));
-        if (std::fseek(file.get(), -1, SEEK_END) == 0 && std::fread(&last, 1, 1, file.get()) != 1) last = 0;
+    explicit FileEnds(const InputFile& input) {
+        std::error_code ignored;
+        if (!input.contents() && !std::filesystem::is_regular_file(input.path(), ignored)) return;
+        try {
+            InputStream file(input);
+            size = file.size();
+            char bytes[4096];
+            head.assign(bytes, file.read(bytes, sizeof bytes));
+            if (size == 0 || !file.seek(size - 1) || file.read(&last, 1) != 1) last = 0;
+            is_read = true;
+        } catch (const IoError&) {
+        } // a file that cannot be opened has no kind
     }
 };
 
@@ -227,12 +231,9 @@ inline ForeignKind kind_of_text(std::string_view head) {
 
 } // namespace detail
 
-inline ForeignKind foreign_kind(const std::filesystem::path& path) {
-    const detail::FileEnds file(path);
-    std::error_code ignored;
-    if (file.head.empty())
-        return std::filesystem::is_regular_file(path, ignored) && file.size == 0 ? ForeignKind{"empty", ""}
-                                                                                 : ForeignKind();
+inline ForeignKind foreign_kind(const InputFile& input) {
+    const detail::FileEnds file(input);
+    if (file.head.empty()) return file.is_read && file.size == 0 ? ForeignKind{"empty", ""} : ForeignKind();
     if (const ForeignKind kind = detail::zip_kind(file)) return kind;
     if (const ForeignKind kind = detail::npy_kind(file)) return kind;
     if (const ForeignKind kind = detail::kind_by_signature(file.head)) return kind;
@@ -240,9 +241,9 @@ inline ForeignKind foreign_kind(const std::filesystem::path& path) {
     return detail::kind_of_text(file.head);
 }
 
-inline std::string not_the_kind(const std::filesystem::path& path, std::string_view expected, std::string_view family,
+inline std::string not_the_kind(const InputFile& input, std::string_view expected, std::string_view family,
                                 const std::string& otherwise) {
-    const ForeignKind kind = foreign_kind(path);
+    const ForeignKind kind = foreign_kind(input);
     if (!kind || (!kind.family.empty() && kind.family == family)) return otherwise;
     return "is " + kind.name + ", expected " + std::string(expected) +
            (kind.way_out.empty() ? "" : "; " + kind.way_out);

@@ -3,10 +3,10 @@
 #pragma once
 
 #include <gsh/core/error.hpp>
-#include <gsh/io/file/atomic_file.hpp>
 #include <gsh/io/file/foreign_file.hpp>
 #include <gsh/io/file/gltf_extensions.hpp>
 #include <gsh/io/file/gltf_json.hpp>
+#include <gsh/io/file/input_file.hpp>
 #include <gsh/io/file/json_file.hpp>
 #include <gsh/io/file/named_path.hpp>
 #include <gsh/io/file/text_lines.hpp>
@@ -39,7 +39,7 @@ namespace gsh::detail {
 ///         extension that is not read, too many elements, a buffer that is short or outside of the folder.
 class GltfFile {
 public:
-    explicit GltfFile(const std::filesystem::path& path, GltfParts parts = GltfParts::nodes);
+    explicit GltfFile(const InputFile& input, GltfParts parts = GltfParts::nodes);
 
     [[nodiscard]] const tinygltf::Model& model() const { return model_; }
     /// The objects `extensions` of the whole file and `extras` of its asset; {} if there are none.
@@ -72,11 +72,12 @@ private:
 
 // -------------------------------------------------------------------------------------------------------------
 
-inline GltfFile::GltfFile(const std::filesystem::path& path, GltfParts parts)
-    : name_(path.string()), buffer_limit_(parts == GltfParts::meshes ? glb_limit : std::size_t(1) << 30) {
+inline GltfFile::GltfFile(const InputFile& input, GltfParts parts)
+    : name_(input.name()), buffer_limit_(parts == GltfParts::meshes ? glb_limit : std::size_t(1) << 30) {
     std::error_code error;
-    folder_ = std::filesystem::weakly_canonical(path.has_parent_path() ? path.parent_path() : ".", error);
-    std::string bytes = read_file(path, buffer_limit_);
+    folder_ =
+        std::filesystem::weakly_canonical(input.path().has_parent_path() ? input.path().parent_path() : ".", error);
+    std::string bytes = read_file(input, buffer_limit_);
     const bool binary = bytes.starts_with("glTF");
     if (!binary) {
         bytes = gltf_text(reduced_json(bytes, 0, parts));

@@ -4,16 +4,15 @@
 
 #include <gsh/core/error.hpp>
 #include <gsh/core/message.hpp>
-#include <gsh/io/file/atomic_file.hpp>
 #include <gsh/io/file/foreign_file.hpp>
 #include <gsh/io/file/format_version.hpp>
+#include <gsh/io/file/input_file.hpp>
 
 #include <nlohmann/json.hpp>
 
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
-#include <filesystem>
 #include <initializer_list>
 #include <string>
 #include <string_view>
@@ -45,13 +44,13 @@ template <class Value = Json>
 /// empty for those of other programs. An object may state it in format_member, which is left out of the result.
 ///
 /// Errors  those of read_file, parse_json and check_format.
-[[nodiscard]] inline Json read_json(const std::filesystem::path& path, std::string_view kind = {}) {
-    const std::string text = read_file(path, std::size_t(1) << 26), name = path.string();
+[[nodiscard]] inline Json read_json(const InputFile& input, std::string_view kind = {}) {
+    const std::string text = read_file(input, std::size_t(1) << 26), name = input.name();
     Json json;
     try {
         json = parse_json(text, name);
     } catch (const IoError&) {
-        const std::string foreign = text.empty() ? "" : not_the_kind(path, "JSON", "json", "");
+        const std::string foreign = text.empty() ? "" : not_the_kind(input, "JSON", "json", "");
         if (!foreign.empty()) throw IoError(name + ": " + foreign);
         throw;
     }

@@ -5,22 +5,18 @@
 #include <gsh/core/error.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/io/file/atomic_file.hpp>
+#include <gsh/io/file/input_file.hpp>
 #include <gsh/io/file/npy_header.hpp>
 
 #include <algorithm>
 #include <bit>
-#include <cerrno>
 #include <cmath>
 #include <concepts>
 #include <cstddef>
 #include <cstdint>
-#include <cstdio>
 #include <filesystem>
-#include <fstream>
 #include <limits>
-#include <memory>
 #include <string>
-#include <system_error>
 #include <type_traits>
 #include <utility>
 #include <vector>
@@ -52,7 +48,7 @@ enum class Numbers {
 ///         not fit `pattern`, in which -1 stands for any length; ValueError for NaN, infinities and numbers out of T's
 ///         range.
 template <class T>
-[[nodiscard]] NpyArray<T> read_npy(const std::filesystem::path& path, Numbers numbers = Numbers::same_kind);
+[[nodiscard]] NpyArray<T> read_npy(const InputFile& input, Numbers numbers = Numbers::same_kind);
 
 /// Writes one array, atomically.
 template <class T>
@@ -82,10 +78,10 @@ std::string npy_dtype() {
 /// IEEE half to float.
 inline float half_to_float(std::uint16_t half) {
     const int exponent = (half >> 10) & 31, fraction = half & 1023;
-    const float magnitude = exponent == 31  ? (fraction ? std::numeric_limits<float>::quiet_NaN()
-                                                        : std::numeric_limits<float>::infinity())
-                            : exponent == 0 ? std::ldexp(static_cast<float>(fraction), -24)
-                                            : std::ldexp(static_cast<float>(fraction + 1024), exponent - 25);
+    const float magnitude =
+        exponent == 31  ? (fraction ? std::numeric_limits<float>::quiet_NaN() : std::numeric_limits<float>::infinity())
+        : exponent == 0 ? std::ldexp(static_cast<float>(fraction), -24)
+                        : std::ldexp(static_cast<float>(fraction + 1024), exponent - 25);
     return half & 0x8000 ? -magnitude : magnitude;
 }
 
@@ -191,34 +187,20 @@ std::vector<T> read_npy_numbers(const ByteSource& source, const NpyHeader& heade
 }
 
 /// The header of an .npy file.
-inline NpyHeader npy_header_of(const std::filesystem::path& path) {
-    const std::string name = path.string();
-    std::ifstream file(path, std::ios::binary);
-    std::error_code error;
-    const std::size_t size = std::filesystem::file_size(path, error);
-    if (!file || error) throw IoError(name + ": cannot be opened; is the path right?");
-    return read_npy_header(
-        [&](void* data, std::size_t count) {
-            file.read(static_cast<char*>(data), static_cast<std::streamsize>(count));
-            return static_cast<std::size_t>(file.gcount());
-        },
-        size, name);
+inline NpyHeader npy_header_of(const InputFile& input) {
+    InputStream file(input);
+    return read_npy_header([&](void* data, std::size_t count) { return file.read(data, count); }, file.size(),
+                           input.name());
 }
 
 } // namespace detail
 
 template <class T>
-NpyArray<T> read_npy(const std::filesystem::path& path, Numbers numbers) {
-    const std::string what = path.string();
-    const auto close = [](std::FILE* stream) { std::fclose(stream); };
-    const std::unique_ptr<std::FILE, decltype(close)> file(std::fopen(path.c_str(), "rbe"), close);
-    std::error_code error;
-    const std::size_t size = std::filesystem::file_size(path, error);
-    if (!file || error) throw IoError(what + ": cannot be opened: " + std::generic_category().message(errno));
-    const detail::ByteSource source = [&](void* data, std::size_t count) {
-        return std::fread(data, 1, count, file.get());
-    };
-    const NpyHeader header = detail::read_npy_header(source, size, what);
+NpyArray<T> read_npy(const InputFile& input, Numbers numbers) {
+    const std::string what = input.name();
+    InputStream file(input);
+    const detail::ByteSource source = [&](void* data, std::size_t count) { return file.read(data, count); };
+    const NpyHeader header = detail::read_npy_header(source, file.size(), what);
     detail::check_dtype<T>(header, what, numbers);
     return {header.shape, detail::read_npy_numbers<T>(source, header, what, numbers)};
 }

@@ -5,6 +5,7 @@
 #include <gsh/core/error.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/io/file/foreign_file.hpp>
+#include <gsh/io/file/input_file.hpp>
 #include <gsh/io/file/npy.hpp>
 #include <gsh/io/file/utf.hpp>
 #include <gsh/io/file/zip_reader.hpp>
@@ -34,8 +35,8 @@ public:
     /// Weights and regressors, sparse but stored densely, inflate 150 times and are small.
     using Limits = ZipReader::Limits;
 
-    explicit NpzReader(std::filesystem::path path) : NpzReader(std::move(path), Limits()) {}
-    NpzReader(std::filesystem::path path, Limits limits);
+    explicit NpzReader(InputFile input) : NpzReader(std::move(input), Limits()) {}
+    NpzReader(InputFile input, Limits limits);
 
     [[nodiscard]] const std::filesystem::path& path() const { return zip_.path(); }
     /// Bytes of the archive.
@@ -81,13 +82,13 @@ private:
 
 // -------------------------------------------------------------------------------------------------------------
 
-inline NpzReader::NpzReader(std::filesystem::path path, Limits limits)
-    : limits_(limits), zip_(std::move(path), {"an .npz archive", "npz"}, limits) {
+inline NpzReader::NpzReader(InputFile input, Limits limits)
+    : limits_(limits), zip_(std::move(input), {"an .npz archive", "npz"}, limits) {
     const std::string name = zip_.path().string();
     if (zip_.names().empty()) throw IoError(name + ": is empty, expected an .npz archive of arrays");
     if (keys().empty())
         throw IoError(name + ": " +
-                      not_the_kind(zip_.path(), "an .npz archive", "npz",
+                      not_the_kind(zip_.input(), "an .npz archive", "npz",
                                    "is a zip archive without arrays (.npy), expected an .npz archive"));
 }
 

@@ -4,8 +4,8 @@
 
 #include <gsh/core/error.hpp>
 #include <gsh/core/message.hpp>
-#include <gsh/io/file/atomic_file.hpp>
 #include <gsh/io/file/foreign_file.hpp>
+#include <gsh/io/file/input_file.hpp>
 #include <gsh/io/file/text_lines.hpp>
 #include <gsh/math/vec.hpp>
 
@@ -27,8 +27,8 @@ namespace gsh {
 /// Errors  IoError, ShapeError naming file and line.
 class NumberLines {
 public:
-    explicit NumberLines(const std::filesystem::path& path) : path_(path) {
-        const std::string text = read_file(path, std::size_t(1) << 26);
+    explicit NumberLines(const InputFile& input) : path_(input.path()) {
+        const std::string text = read_file(input, std::size_t(1) << 26);
         const char *p = text.data(), *end = p + text.size();
         std::size_t number = 1;
         while (p != end) {
@@ -41,7 +41,7 @@ public:
                 double value = 0;
                 const auto [next, error] = std::from_chars(p, end, value);
                 if (error != std::errc() || !std::isfinite(value))
-                    refuse(number, std::string_view(p, static_cast<std::size_t>(end - p)));
+                    refuse(input, number, std::string_view(p, static_cast<std::size_t>(end - p)));
                 line.values.push_back(value);
                 p = next;
             }
@@ -49,7 +49,7 @@ public:
             if (!line.values.empty()) lines_.push_back(std::move(line));
             ++number;
         }
-        if (lines_.empty()) throw IoError(path.string() + ": holds no numbers");
+        if (lines_.empty()) throw IoError(input.name() + ": holds no numbers");
     }
     [[nodiscard]] std::size_t size() const { return lines_.size(); }
     /// The numbers of a line; throws unless there are `count` of them (0: any number).
@@ -75,8 +75,8 @@ public:
     [[nodiscard]] const std::filesystem::path& path() const { return path_; }
 
 private:
-    [[noreturn]] void refuse(std::size_t number, std::string_view rest) const {
-        const std::string foreign = not_the_kind(path_, "lines of numbers", "text", "");
+    [[noreturn]] void refuse(const InputFile& input, std::size_t number, std::string_view rest) const {
+        const std::string foreign = not_the_kind(input, "lines of numbers", "text", "");
         if (!foreign.empty()) throw IoError(path_.string() + ": " + foreign);
         throw IoError(where(number) + ": '" + detail::shortened(rest.substr(0, rest.find('\n')).substr(0, 20)) +
                       "' is not a finite number");

@@ -4,8 +4,8 @@
 
 #include <gsh/core/error.hpp>
 #include <gsh/core/message.hpp>
-#include <gsh/io/file/atomic_file.hpp>
 #include <gsh/io/file/foreign_file.hpp>
+#include <gsh/io/file/input_file.hpp>
 #include <gsh/io/file/text_lines.hpp>
 
 #include <algorithm>
@@ -31,7 +31,7 @@ namespace gsh {
 ///         that of its data.
 class OpenCvYaml {
 public:
-    explicit OpenCvYaml(const std::filesystem::path& path);
+    explicit OpenCvYaml(const InputFile& input);
 
     [[nodiscard]] bool has(const std::string& key) const { return entries_.count(key) > 0; }
     [[nodiscard]] double number(const std::string& key) const {
@@ -83,8 +83,8 @@ inline std::string_view without_comment(std::string_view line) {
 
 } // namespace detail
 
-inline OpenCvYaml::OpenCvYaml(const std::filesystem::path& path) : path_(path) {
-    const std::string text = read_file(path, std::size_t(1) << 26);
+inline OpenCvYaml::OpenCvYaml(const InputFile& input) : path_(input.path()) {
+    const std::string text = read_file(input, std::size_t(1) << 26);
     std::string key;
     for (std::size_t start = 0; start < text.size();) {
         const std::size_t end = std::min(text.find('\n', start), text.size());
@@ -97,7 +97,7 @@ inline OpenCvYaml::OpenCvYaml(const std::filesystem::path& path) : path_(path) {
             const std::size_t colon = line.find(':');
             if (colon == std::string_view::npos)
                 throw IoError(path_.string() + ": " +
-                              not_the_kind(path_, "YAML as OpenCV writes it", "yaml",
+                              not_the_kind(input, "YAML as OpenCV writes it", "yaml",
                                            "'" + detail::shortened(line) +
                                                "' is not KEY: VALUE, expected YAML as OpenCV writes it"));
             key = std::string(detail::trimmed(line.substr(0, colon)));

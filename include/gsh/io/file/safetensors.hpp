@@ -5,6 +5,7 @@
 #include <gsh/core/error.hpp>
 #include <gsh/core/message.hpp>
 #include <gsh/io/file/foreign_file.hpp>
+#include <gsh/io/file/input_file.hpp>
 #include <gsh/io/file/json_file.hpp>
 #include <gsh/io/file/npy.hpp>
 
@@ -53,10 +54,10 @@ public:
         std::size_t tensor_bytes = std::size_t(1) << 30; ///< per tensor, as stored and as read
     };
 
-    explicit SafetensorsReader(std::filesystem::path path) : SafetensorsReader(std::move(path), Limits()) {}
-    SafetensorsReader(std::filesystem::path path, Limits limits);
+    explicit SafetensorsReader(InputFile input) : SafetensorsReader(std::move(input), Limits()) {}
+    SafetensorsReader(InputFile input, Limits limits);
 
-    [[nodiscard]] const std::filesystem::path& path() const { return path_; }
+    [[nodiscard]] const std::filesystem::path& path() const { return input_.path(); }
     [[nodiscard]] std::vector<std::string> keys() const; ///< sorted
     [[nodiscard]] bool has(std::string_view name) const { return tensors_.contains(name); }
     /// Type and shape, without reading the numbers.
@@ -73,21 +74,15 @@ public:
 
     /// "FILE: name", the prefix of every message about a tensor.
     [[nodiscard]] std::string name_of(std::string_view name) const {
-        return path_.string() + ": " + detail::shortened(name);
+        return input_.name() + ": " + detail::shortened(name);
     }
 
 private:
-    struct Close {
-        void operator()(std::FILE* stream) const { std::fclose(stream); }
-    };
-    using File = std::unique_ptr<std::FILE, Close>;
-
-    std::filesystem::path path_;
+    InputFile input_;
     Limits limits_;
     std::size_t data_begin_ = 0; // offset in the file
     std::map<std::string, TensorHeader, std::less<>> tensors_;
 
-    [[nodiscard]] File open() const;
     void check_places(std::size_t data_bytes) const;
 };
 
@@ -96,13 +91,27 @@ private:
 namespace detail {
 
 /// Converts a bfloat16, the upper half of a float.
-inline float bfloat_to_float(std::uint16_t upper) { return std::bit_cast<float>(std::uint32_t(upper) << 16); }
+inline float bfloat_to_float(std::uint16_t upper) {
+    return std::bit_cast<float>(std::uint32_t(upper) << 16);
+}
 
 /// Bytes per number; 0 for an unknown type.
 inline std::size_t safetensors_width(std::string_view dtype) {
-    for (const auto& [name, width] :
-         {std::pair{"F32", 4}, {"F16", 2}, {"BF16", 2}, {"F64", 8}, {"I64", 8}, {"U64", 8}, {"I32", 4}, {"U32", 4},
-          {"I16", 2}, {"U16", 2}, {"I8", 1}, {"U8", 1}, {"BOOL", 1}, {"F8_E4M3", 1}, {"F8_E5M2", 1}})
+    for (const auto& [name, width] : {std::pair{"F32", 4},
+                                      {"F16", 2},
+                                      {"BF16", 2},
+                                      {"F64", 8},
+                                      {"I64", 8},
+                                      {"U64", 8},
+                                      {"I32", 4},
+                                      {"U32", 4},
+                                      {"I16", 2},
+                                      {"U16", 2},
+                                      {"I8", 1},
+                                      {"U8", 1},
+                                      {"BOOL", 1},
+                                      {"F8_E4M3", 1},
+                                      {"F8_E5M2", 1}})
         if (dtype == name) return std::size_t(width);
     return 0;
 }
@@ -150,29 +159,19 @@ inline TensorHeader read_tensor_header(const nlohmann::json& json, const std::st
 
 } // namespace detail
 
-inline SafetensorsReader::File SafetensorsReader::open() const {
-    File file(std::fopen(path_.c_str(), "rbe"));
-    if (!file) throw IoError(path_.string() + ": cannot be opened: " + std::generic_category().message(errno));
-    return file;
-}
-
-inline SafetensorsReader::SafetensorsReader(std::filesystem::path path, Limits limits)
-    : path_(std::move(path)), limits_(limits) {
-    const std::string what = path_.string();
-    const File file = open();
-    std::error_code error;
-    const std::size_t size = std::filesystem::file_size(path_, error);
-    if (error) throw IoError(what + ": cannot be read: " + error.message());
-    const detail::ByteSource source = [&](void* data, std::size_t count) {
-        return std::fread(data, 1, count, file.get());
-    };
+inline SafetensorsReader::SafetensorsReader(InputFile input, Limits limits)
+    : input_(std::move(input)), limits_(limits) {
+    const std::string what = input_.name();
+    InputStream file(input_);
+    const std::size_t size = file.size();
+    const detail::ByteSource source = [&](void* data, std::size_t count) { return file.read(data, count); };
     std::uint64_t length = 0;
     if (size < sizeof(length))
         throw IoError(what + " is not a safetensors file: it has " + std::to_string(size) + " bytes");
     detail::read_exactly(source, &length, sizeof(length), what);
     if (length > size - sizeof(length))
         throw IoError(what + " " +
-                      not_the_kind(path_, "a safetensors file", "safetensors",
+                      not_the_kind(input_, "a safetensors file", "safetensors",
                                    "is truncated or not a safetensors file: its header claims " +
                                        std::to_string(length) + " bytes, the file has " + std::to_string(size)));
     if (length > limits_.header_bytes)
@@ -238,12 +237,10 @@ NpyArray<T> SafetensorsReader::read(std::string_view name) const {
         throw IoError(what + " has shape " + detail::shape_text(tensor.shape) + ", more than the limit of " +
                       std::to_string(limits_.tensor_bytes) + " bytes in memory");
 
-    const File file = open();
-    if (std::fseek(file.get(), static_cast<long>(data_begin_ + tensor.begin), SEEK_SET) != 0)
+    InputStream file(input_);
+    if (!file.seek(data_begin_ + tensor.begin))
         throw IoError(what + " cannot be read: " + std::generic_category().message(errno));
-    const detail::ByteSource source = [&](void* data, std::size_t count) {
-        return std::fread(data, 1, count, file.get());
-    };
+    const detail::ByteSource source = [&](void* data, std::size_t count) { return file.read(data, count); };
     if (brain) { // converted to float first, then treated as any other type
         std::vector<std::uint16_t> upper(detail::element_count(tensor.shape));
         detail::read_exactly(source, upper.data(), tensor.bytes, what);

@@ -5,6 +5,7 @@
 #include <gsh/core/error.hpp>
 #include <gsh/io/file/claimed_size.hpp>
 #include <gsh/io/file/foreign_file.hpp>
+#include <gsh/io/file/input_file.hpp>
 
 #include <zip.h>
 
@@ -61,9 +62,10 @@ public:
         std::string what_;
     };
 
-    ZipReader(std::filesystem::path path, const Kind& kind, const Limits& limits);
+    ZipReader(InputFile input, const Kind& kind, const Limits& limits);
 
-    [[nodiscard]] const std::filesystem::path& path() const { return path_; }
+    [[nodiscard]] const std::filesystem::path& path() const { return input_.path(); }
+    [[nodiscard]] const InputFile& input() const { return input_; }
     /// Bytes of the archive.
     [[nodiscard]] std::size_t size() const { return size_; }
     /// All members in the order of the archive.
@@ -80,7 +82,7 @@ private:
         void operator()(zip_t* archive) const { zip_discard(archive); }
     };
 
-    std::filesystem::path path_;
+    InputFile input_;
     Limits limits_;
     std::size_t size_ = 0;
     std::unique_ptr<zip_t, Discard> archive_;
@@ -98,25 +100,40 @@ inline std::string zip_error_text(int code) {
     return text;
 }
 
+/// Null if the archive cannot be opened; `code` is then libzip's.
+inline zip_t* open_zip(const InputFile& input, int& code) {
+    if (!input.contents()) return zip_open(input.path().c_str(), ZIP_RDONLY, &code);
+    zip_error_t error;
+    zip_error_init(&error);
+    zip_source_t* source = zip_source_buffer_create(input.contents()->data(), input.contents()->size(), 0, &error);
+    zip_t* const archive = source ? zip_open_from_source(source, ZIP_RDONLY, &error) : nullptr;
+    if (!archive) {
+        code = zip_error_code_zip(&error);
+        zip_source_free(source);
+    }
+    zip_error_fini(&error);
+    return archive;
+}
+
 } // namespace detail
 
-inline ZipReader::ZipReader(std::filesystem::path path, const Kind& kind, const Limits& limits)
-    : path_(std::move(path)), limits_(limits) {
-    const std::string name = path_.string();
-    std::error_code ignored;
-    if (std::filesystem::is_directory(path_, ignored)) throw IoError(name + ": is a directory, expected " + kind.name);
+inline ZipReader::ZipReader(InputFile input, const Kind& kind, const Limits& limits)
+    : input_(std::move(input)), limits_(limits) {
+    const std::string name = input_.name();
+    if (input_.is_folder()) throw IoError(name + ": is a directory, expected " + kind.name);
     int code = 0;
-    archive_.reset(zip_open(path_.c_str(), ZIP_RDONLY, &code));
+    archive_.reset(detail::open_zip(input_, code));
     if (!archive_) {
         const bool no_zip = code == ZIP_ER_NOZIP || code == ZIP_ER_INCONS;
         if (!no_zip) throw IoError(name + ": cannot be opened: " + detail::zip_error_text(code));
         throw IoError(name + ": " +
-                      not_the_kind(path_, kind.name, kind.family,
+                      not_the_kind(input_, kind.name, kind.family,
                                    "cannot be opened: not " + kind.name + (kind.family.empty() ? "" : " (zip)") +
                                        ", or a truncated one"));
     }
-    const auto size = std::filesystem::file_size(path_, ignored);
-    size_ = ignored ? 0 : static_cast<std::size_t>(size);
+    std::error_code error;
+    const auto size = input_.contents() ? input_.contents()->size() : std::filesystem::file_size(input_.path(), error);
+    size_ = error ? 0 : static_cast<std::size_t>(size);
 }
 
 inline std::vector<std::string> ZipReader::names() const {

@@ -5,8 +5,8 @@
 #include <gsh/core/error.hpp>
 #include <gsh/image/color.hpp>
 #include <gsh/image/image.hpp>
-#include <gsh/io/file/atomic_file.hpp>
 #include <gsh/io/file/foreign_file.hpp>
+#include <gsh/io/file/input_file.hpp>
 #include <gsh/io/file/text_lines.hpp>
 #include <gsh/io/image/image_bounds.hpp>
 #include <gsh/io/image/image_file.hpp>
@@ -17,7 +17,6 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
-#include <filesystem>
 #include <string>
 #include <string_view>
 #include <system_error>
@@ -33,7 +32,7 @@ namespace gsh {
 /// Units   those of the file; environment_light does not depend on them.
 /// Errors  IoError for a file that is missing, truncated, damaged or of another kind; those of check_environment with
 ///         the file's name.
-[[nodiscard]] inline Image<float> read_environment(const std::filesystem::path& path);
+[[nodiscard]] inline Image<float> read_environment(const InputFile& input);
 
 // -------------------------------------------------------------------------------------------------------------
 
@@ -121,15 +120,15 @@ private:
 
 } // namespace detail
 
-inline Image<float> read_environment(const std::filesystem::path& path) {
-    const std::string name = path.string();
-    const std::string bytes = read_file(path);
+inline Image<float> read_environment(const InputFile& input) {
+    const std::string name = input.name();
+    const std::string bytes = read_file(input);
     const std::string_view view = bytes;
     Image<float> image;
     if (view.starts_with("#?RADIANCE") || view.starts_with("#?RGBE")) {
         image = detail::RadianceReader(name, view).read();
     } else if (view.starts_with(detail::png_signature) || view.starts_with(detail::jpeg_signature)) {
-        const PixelImage pixels = read_image(path);
+        const PixelImage pixels = read_image(input);
         std::array<float, 256> linear;
         for (std::size_t k = 0; k < linear.size(); ++k) linear[k] = srgb_to_linear(static_cast<float>(k) / 255);
         image = Image<float>(3, pixels.height, pixels.width);
@@ -138,7 +137,7 @@ inline Image<float> read_environment(const std::filesystem::path& path) {
                 for (int c = 0; c < 3; ++c) image.at(c, y, x) = linear[pixels.pixel(y, x)[c]];
     } else {
         throw IoError(name + ": " +
-                      not_the_kind(path, "an environment image: Radiance HDR (.hdr), PNG or JPEG", "",
+                      not_the_kind(input, "an environment image: Radiance HDR (.hdr), PNG or JPEG", "",
                                    "is not an environment image: Radiance HDR (.hdr), PNG or JPEG"));
     }
     check_environment(name, std::as_const(image).view());

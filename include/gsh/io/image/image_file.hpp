@@ -7,6 +7,7 @@
 #include <gsh/image/image.hpp>
 #include <gsh/io/file/atomic_file.hpp>
 #include <gsh/io/file/foreign_file.hpp>
+#include <gsh/io/file/input_file.hpp>
 #include <gsh/io/image/exif.hpp>
 #include <gsh/io/image/image_bounds.hpp>
 
@@ -59,7 +60,7 @@ struct StoredImage {
 ///
 /// Errors  IoError for a file that is missing, truncated, damaged, not an image, or larger than 2^26 pixels. Images of
 ///         other formats are named.
-[[nodiscard]] inline StoredImage read_stored_image(const std::filesystem::path& path);
+[[nodiscard]] inline StoredImage read_stored_image(const InputFile& input);
 
 /// The same for the bytes of a PNG or JPEG file; `name` begins messages.
 [[nodiscard]] inline StoredImage decode_image(std::string bytes, const std::string& name);
@@ -68,8 +69,8 @@ struct StoredImage {
 [[nodiscard]] inline PixelImage upright(PixelImage image, int orientation);
 
 /// Reads a PNG or JPEG as RGBA, upright. Errors as above.
-[[nodiscard]] inline PixelImage read_image(const std::filesystem::path& path) {
-    StoredImage stored = read_stored_image(path);
+[[nodiscard]] inline PixelImage read_image(const InputFile& input) {
+    StoredImage stored = read_stored_image(input);
     return upright(std::move(stored.image), stored.orientation);
 }
 
@@ -96,11 +97,11 @@ void write_png(const std::filesystem::path& path, const Image<T>& image) {
 
 // -------------------------------------------------------------------------------------------------------------
 
-inline StoredImage read_stored_image(const std::filesystem::path& path) {
-    const std::string name = path.string();
-    std::string bytes = read_file(path);
+inline StoredImage read_stored_image(const InputFile& input) {
+    const std::string name = input.name();
+    std::string bytes = read_file(input);
     if (!bytes.starts_with(detail::png_signature) && !bytes.starts_with(detail::jpeg_signature))
-        throw IoError(name + ": " + not_the_kind(path, "a PNG or JPEG image", "", "is not a PNG or JPEG image"));
+        throw IoError(name + ": " + not_the_kind(input, "a PNG or JPEG image", "", "is not a PNG or JPEG image"));
     return decode_image(std::move(bytes), name);
 }
 

@@ -3,7 +3,7 @@
 #pragma once
 
 #include <gsh/core/error.hpp>
-#include <gsh/io/file/atomic_file.hpp>
+#include <gsh/io/file/input_file.hpp>
 #include <gsh/io/file/npy.hpp>
 #include <gsh/io/file/text_lines.hpp>
 #include <gsh/io/image/image_file.hpp>
@@ -14,7 +14,6 @@
 #include <bitset>
 #include <cstddef>
 #include <cstdint>
-#include <filesystem>
 #include <memory>
 #include <set>
 #include <string>
@@ -51,7 +50,7 @@ struct StoredMask {
 ///
 /// Errors  those of read_image and read_npy; ShapeError for an array of another shape, ValueError for numbers outside
 ///         of 0 to 255, and for a picture of many colours.
-[[nodiscard]] inline StoredMask read_mask(const std::filesystem::path& path);
+[[nodiscard]] inline StoredMask read_mask(const InputFile& input);
 
 /// The levels of an image's alpha.
 [[nodiscard]] inline MaskLevels alpha_levels(const PixelImage& image);
@@ -92,8 +91,8 @@ inline MaskLevels alpha_levels(const PixelImage& image) {
 namespace detail {
 
 /// The grey values of a label image of 16 bits, which are small; no values if it is none.
-inline std::vector<std::uint8_t> wide_labels(const std::filesystem::path& path) {
-    const std::string bytes = read_file(path);
+inline std::vector<std::uint8_t> wide_labels(const InputFile& input) {
+    const std::string bytes = read_file(input);
     const auto release = [](stbi_us* pixels) { stbi_image_free(pixels); };
     int width = 0, height = 0, channels = 0;
     const std::unique_ptr<stbi_us, decltype(release)> pixels(
@@ -108,10 +107,10 @@ inline std::vector<std::uint8_t> wide_labels(const std::filesystem::path& path) 
     return values;
 }
 
-inline StoredMask read_mask_image(const std::filesystem::path& path) {
+inline StoredMask read_mask_image(const InputFile& input) {
     constexpr int tint = 16; // JPEG files of grey pictures, and their chroma
     constexpr std::size_t most = 256;
-    const StoredImage stored = read_stored_image(path);
+    const StoredImage stored = read_stored_image(input);
     const PixelImage& image = stored.image;
     StoredMask mask{PixelImage(1, image.height, image.width), stored.orientation, {}};
     std::vector<std::uint8_t>& values = mask.values.data;
@@ -137,27 +136,27 @@ inline StoredMask read_mask_image(const std::filesystem::path& path) {
         if (color == 0)
             mask.levels.grey.set(0);
         else if (mask.levels.colors.insert(color).second)
-            check_value(mask.levels.colors.size() <= most, path.string(),
+            check_value(mask.levels.colors.size() <= most, input.name(),
                         "is a picture of many colours, expected a mask: white on the person, black elsewhere");
     }
     if (stored.sixteen_bits && mask.levels.empty())
-        if (auto labels = wide_labels(path); labels.size() == pixels) {
+        if (auto labels = wide_labels(input); labels.size() == pixels) {
             values = std::move(labels);
             for (const std::uint8_t value : values) mask.levels.grey.set(value);
         }
     return mask;
 }
 
-inline StoredMask read_mask_array(const std::filesystem::path& path) {
-    const bool real = npy_header_of(path).is_real();
-    const NpyArray<float> array = read_npy<float>(path, Numbers::any);
+inline StoredMask read_mask_array(const InputFile& input) {
+    const bool real = npy_header_of(input).is_real();
+    const NpyArray<float> array = read_npy<float>(input, Numbers::any);
     // Dimensions of 1 behind height and width are allowed.
     if (array.shape.size() < 2 || array.size() != array.dim(0) * array.dim(1) || array.size() == 0 ||
         array.size() > std::size_t(1) << 26)
-        throw ShapeError(path.string() + ": is an array " + shape_text(array.shape) + ", expected (height, width)");
+        throw ShapeError(input.name() + ": is an array " + shape_text(array.shape) + ", expected (height, width)");
     float high = 0;
     for (const float value : array.data) {
-        check_value(value >= 0 && value <= 255, path.string(),
+        check_value(value >= 0 && value <= 255, input.name(),
                     "holds " + number_text(value) + ", expected 0 to 1, or 0 to 255");
         high = std::max(high, value);
     }
@@ -184,8 +183,8 @@ inline std::string level_text(const MaskLevels& levels) {
 
 } // namespace detail
 
-inline StoredMask read_mask(const std::filesystem::path& path) {
-    return path.extension() == ".npy" ? detail::read_mask_array(path) : detail::read_mask_image(path);
+inline StoredMask read_mask(const InputFile& input) {
+    return input.ending() == ".npy" ? detail::read_mask_array(input) : detail::read_mask_image(input);
 }
 
 inline MaskMeaning mask_meaning(const std::string& where, const MaskLevels& all, bool plain) {

@@ -4,7 +4,7 @@
 
 #include <gsh/core/error.hpp>
 #include <gsh/image/image.hpp>
-#include <gsh/io/file/atomic_file.hpp>
+#include <gsh/io/file/input_file.hpp>
 #include <gsh/io/file/npy.hpp>
 #include <gsh/io/image/exif.hpp>
 #include <gsh/io/image/image_file.hpp>
@@ -16,7 +16,6 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
-#include <filesystem>
 #include <limits>
 #include <memory>
 #include <string>
@@ -27,10 +26,10 @@ namespace gsh {
 
 /// The axes of the three channels. An image file stores (component + 1) / 2 of a channel's full range.
 enum class NormalEncoding {
-    y_up,    ///< x right, y up, z towards the viewer: ICON, ECON, Sapiens, OpenGL; a facing surface is (128, 128, 255)
-    y_down,  ///< x right, y down, z towards the viewer: "DirectX" maps
-    opencv,  ///< x right, y down, z away from the viewer, as in our cameras
-    x_left,  ///< x left, y up, z away from the viewer: PyTorch3D's camera frame
+    y_up,   ///< x right, y up, z towards the viewer: ICON, ECON, Sapiens, OpenGL; a facing surface is (128, 128, 255)
+    y_down, ///< x right, y down, z towards the viewer: "DirectX" maps
+    opencv, ///< x right, y down, z away from the viewer, as in our cameras
+    x_left, ///< x left, y up, z away from the viewer: PyTorch3D's camera frame
 };
 
 /// The side of the body that a map shows.
@@ -53,7 +52,7 @@ struct NormalMapParams {
 ///
 /// Errors  IoError for a file that is missing, damaged or of another kind; ShapeError for another shape; ValueError if
 ///         no normal is valid, if real numbers look like colours in [0, 1], or if most normals face the wrong way.
-[[nodiscard]] inline PriorMap read_normal_map(const std::filesystem::path& path, const NormalMapParams& params = {});
+[[nodiscard]] inline PriorMap read_normal_map(const InputFile& input, const NormalMapParams& params = {});
 
 // -------------------------------------------------------------------------------------------------------------
 
@@ -82,9 +81,9 @@ struct RawNormals {
     }
 };
 
-inline RawNormals read_normal_png(const std::filesystem::path& path) {
-    const std::string name = path.string();
-    std::string bytes = read_file(path);
+inline RawNormals read_normal_png(const InputFile& input) {
+    const std::string name = input.name();
+    std::string bytes = read_file(input);
     if (!bytes.starts_with(png_signature))
         throw IoError(name + ": is not a PNG image; JPEG damages normals, and EXR is not read (save as .npy)");
     if (exif_orientation(bytes) != 1)
@@ -112,9 +111,9 @@ inline RawNormals read_normal_png(const std::filesystem::path& path) {
     return raw;
 }
 
-inline RawNormals read_normal_npy(const std::filesystem::path& path) {
-    const std::string name = path.string();
-    const NpyHeader header = npy_header_of(path);
+inline RawNormals read_normal_npy(const InputFile& input) {
+    const std::string name = input.name();
+    const NpyHeader header = npy_header_of(input);
     const auto& shape = header.shape;
     const bool last = shape.size() == 3 && (shape[2] == 3 || shape[2] == 4), first = shape.size() == 3 && shape[0] == 3;
     if (!last && !first)
@@ -124,16 +123,21 @@ inline RawNormals read_normal_npy(const std::filesystem::path& path) {
                       channels = last ? shape[2] : 3, pixels = rows * columns;
     RawNormals raw(name, rows, columns);
     const auto fill = [&]<class T>(T, Numbers numbers, double full) {
-        const auto array = read_npy<T>(path, numbers);
+        const auto array = read_npy<T>(input, numbers);
         raw.fill(channels, full, [&](std::size_t i, std::size_t c) {
             return static_cast<double>(last ? array[channels * i + c] : array[pixels * c + i]);
         });
     };
-    if (header.is_real() && header.width == 4) fill(float(), Numbers::exact, 1);
-    else if (header.is_real() && header.width == 8) fill(double(), Numbers::exact, 1);
-    else if (header.is_real()) fill(float(), Numbers::same_kind, 1);
-    else if (header.kind == 'u' && header.width == 1) fill(std::uint8_t(), Numbers::same_kind, 255);
-    else if (header.kind == 'u' && header.width == 2) fill(std::uint16_t(), Numbers::same_kind, 65535);
+    if (header.is_real() && header.width == 4)
+        fill(float(), Numbers::exact, 1);
+    else if (header.is_real() && header.width == 8)
+        fill(double(), Numbers::exact, 1);
+    else if (header.is_real())
+        fill(float(), Numbers::same_kind, 1);
+    else if (header.kind == 'u' && header.width == 1)
+        fill(std::uint8_t(), Numbers::same_kind, 255);
+    else if (header.kind == 'u' && header.width == 2)
+        fill(std::uint16_t(), Numbers::same_kind, 65535);
     else
         throw IoError(name + " has dtype " + header.dtype +
                       ", expected real numbers in [-1, 1] or colours (|u1 or <u2)");
@@ -142,10 +146,10 @@ inline RawNormals read_normal_npy(const std::filesystem::path& path) {
 
 } // namespace detail
 
-inline PriorMap read_normal_map(const std::filesystem::path& path, const NormalMapParams& params) {
-    const std::string name = path.string();
-    const bool npy = path.extension() == ".npy";
-    const detail::RawNormals raw = npy ? detail::read_normal_npy(path) : detail::read_normal_png(path);
+inline PriorMap read_normal_map(const InputFile& input, const NormalMapParams& params) {
+    const std::string name = input.name();
+    const bool npy = input.ending() == ".npy";
+    const detail::RawNormals raw = npy ? detail::read_normal_npy(input) : detail::read_normal_png(input);
     const NormalEncoding encoding = params.encoding;
     const bool up = encoding == NormalEncoding::y_up || encoding == NormalEncoding::x_left;
     const bool forward = encoding == NormalEncoding::opencv || encoding == NormalEncoding::x_left;

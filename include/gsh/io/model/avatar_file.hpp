@@ -11,6 +11,7 @@
 #include <gsh/io/body/body_file.hpp>
 #include <gsh/io/file/archive.hpp>
 #include <gsh/io/file/compact_arrays.hpp>
+#include <gsh/io/file/input_file.hpp>
 #include <gsh/math/rotation.hpp>
 
 #include <algorithm>
@@ -32,8 +33,10 @@ namespace detail {
 
 inline void add_occlusion_field(ArchiveWriter& file, const OcclusionFieldData& field, bool compact) {
     const auto width = static_cast<std::size_t>(field.width);
-    if (compact) add_quantised<std::int8_t, float>(file, "occlusion_neurons", field.neurons, width);
-    else file.add("occlusion_neurons", field.neurons, {field.neurons.size() / width, width});
+    if (compact)
+        add_quantised<std::int8_t, float>(file, "occlusion_neurons", field.neurons, width);
+    else
+        file.add("occlusion_neurons", field.neurons, {field.neurons.size() / width, width});
     file.add("occlusion_pose_weights", field.pose_weights, {width, field.pose_weights.size() / width});
     file.add("occlusion_weights", field.weights);
     file.add("occlusion_hidden_layers", std::int32_t(field.hidden_layers));
@@ -66,9 +69,9 @@ inline void add_light(ArchiveWriter& file, const LightData& light, const MotionP
     file.add_rows<double>("light_place", std::vector<vec3<double>>{place.low, place.high});
     if (!place.upright) return;
     const mat3<double>& A = *place.upright; // in rows
-    file.add_rows<double>("light_upright", std::vector<vec3<double>>{{A[0].x, A[1].x, A[2].x},
-                                                                     {A[0].y, A[1].y, A[2].y},
-                                                                     {A[0].z, A[1].z, A[2].z}});
+    file.add_rows<double>(
+        "light_upright",
+        std::vector<vec3<double>>{{A[0].x, A[1].x, A[2].x}, {A[0].y, A[1].y, A[2].y}, {A[0].z, A[1].z, A[2].z}});
 }
 
 inline LightData read_light(const ArchiveReader& file) {
@@ -143,8 +146,10 @@ inline void add_compact_points(ArchiveWriter& file, const AvatarData& avatar) {
     add_quantised<std::int8_t, float>(file, "log_scales", numbers(g.log_scales), 3);
     add_quantised<std::int8_t, float>(file, "opacity_logits", logits, 1);
     add_quantised<std::int8_t, float>(file, "sh", numbers(g.sh), channels);
-    if (avatar.ao.empty()) file.add("ao", avatar.ao);
-    else add_quantised<std::int8_t, float>(file, "ao", avatar.ao, 1);
+    if (avatar.ao.empty())
+        file.add("ao", avatar.ao);
+    else
+        add_quantised<std::int8_t, float>(file, "ao", avatar.ao, 1);
     if (!avatar.mean_irradiance.empty())
         add_quantised<std::int8_t, float>(file, "mean_irradiance", avatar.mean_irradiance, 1);
 }
@@ -253,8 +258,10 @@ inline void save_avatar(const std::filesystem::path& path, const AvatarData& ava
     add_body_model(file, rig.body, "body/", storage);
     file.add("betas", rig.betas);
     file.add_rows<double>("joints", rig.joints);
-    if (compact) detail::add_compact_points(file, avatar);
-    else detail::add_exact_points(file, avatar);
+    if (compact)
+        detail::add_compact_points(file, avatar);
+    else
+        detail::add_exact_points(file, avatar);
     file.add("sh_degree", std::int32_t(g.sh_degree));
     file.add("clamp_above", std::int32_t(avatar.clamping == ColorClamp::both));
     file.add("dilation", avatar.filter.dilation);
@@ -269,8 +276,8 @@ inline void save_avatar(const std::filesystem::path& path, const AvatarData& ava
 /// Reads a file written by save_avatar.
 ///
 /// Errors  IoError, ShapeError, ValueError naming the file and the member that is missing or does not fit.
-[[nodiscard]] inline AvatarData load_avatar(const std::filesystem::path& path) {
-    const ArchiveReader file(path, "avatar", avatar_file_version, oldest_avatar_file_version);
+[[nodiscard]] inline AvatarData load_avatar(const InputFile& input) {
+    const ArchiveReader file(input, "avatar", avatar_file_version, oldest_avatar_file_version);
     AvatarData avatar;
     RigData& rig = avatar.rig;
     rig.body = read_body_model(file.file(), "body/");
@@ -300,10 +307,10 @@ inline void save_avatar(const std::filesystem::path& path, const AvatarData& ava
     if (has_numbers(file.file(), "mean_irradiance"))
         avatar.mean_irradiance = read_numbers<float>(file.file(), "mean_irradiance", Numbers::exact).data;
     const auto deformation = file.read_number<std::int32_t>("deformation");
-    check_value(deformation >= 0 && deformation <= 2, path.string(),
+    check_value(deformation >= 0 && deformation <= 2, input.name(),
                 "deformation is " + std::to_string(deformation) + ", expected 0 to 2");
     avatar.deformation = static_cast<Deformation>(deformation);
-    detail::check_avatar(path.string(), avatar);
+    detail::check_avatar(input.name(), avatar);
     return avatar;
 }
 

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <gsh/core/error.hpp>
+#include <gsh/io/file/input_file.hpp>
 #include <gsh/io/file/settings_file.hpp>
 #include <gsh/setup/configuration.hpp>
 #include <gsh/train/static_model.hpp>
@@ -23,10 +24,12 @@ struct SettingsFile {
     std::string path, configuration;
     std::vector<std::pair<std::string, std::string>> settings;
 
-    explicit SettingsFile(const std::filesystem::path& file) : path(file.string()) {
+    explicit SettingsFile(const InputFile& file) : path(file.name()) {
         for (auto& [key, text] : read_settings(file)) {
-            if (key == "configuration") configuration = text;
-            else settings.emplace_back(key, text);
+            if (key == "configuration")
+                configuration = text;
+            else
+                settings.emplace_back(key, text);
         }
     }
     template <class C>
@@ -56,12 +59,12 @@ struct SettingsFile {
 /// Errors  IoError for a file that is not a flat JSON object; ValueError, naming the file, for an unknown configuration
 ///         or setting, or an invalid value. check_settings checks names of types (ao, appearance), because a program
 ///         may list types of its own.
-[[nodiscard]] inline Configuration read_configuration(const std::filesystem::path& path) {
-    const detail::SettingsFile file(path);
+[[nodiscard]] inline Configuration read_configuration(const InputFile& input) {
+    const detail::SettingsFile file(input);
     Configuration configuration = detail::configuration_of_person(
         file.configuration.empty() ? std::string(default_configuration) : file.configuration, file.path);
     file.set(configuration);
-    if (!file.settings.empty()) configuration.name = path.stem().string();
+    if (!file.settings.empty()) configuration.name = input.path().stem().string();
     return configuration;
 }
 

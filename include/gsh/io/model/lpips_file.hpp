@@ -3,13 +3,13 @@
 #pragma once
 
 #include <gsh/core/error.hpp>
+#include <gsh/io/file/input_file.hpp>
 #include <gsh/io/file/npz.hpp>
 #include <gsh/io/file/safetensors.hpp>
 #include <gsh/loss/lpips_network.hpp>
 
 #include <cstdio>
 #include <cstring>
-#include <filesystem>
 #include <memory>
 #include <string>
 #include <string_view>
@@ -26,7 +26,7 @@ namespace gsh {
 ///
 /// Errors  IoError for a file that is missing, damaged, or lacks a tensor; ShapeError for a shape of neither network;
 ///         ValueError for NaN.
-[[nodiscard]] inline LpipsNetwork read_lpips(const std::filesystem::path& path);
+[[nodiscard]] inline LpipsNetwork read_lpips(const InputFile& input);
 
 // -------------------------------------------------------------------------------------------------------------
 
@@ -69,8 +69,10 @@ LpipsNetwork read_lpips_tensors(const Reader& file) {
     const std::string first = find_tensor(keys, lpips_convolution_names(0, 1, "weight"), path);
     const Shape shape = file.header(first).shape;
     LpipsNetwork network;
-    if (shape == Shape{64, 3, 11, 11}) network = lpips_alexnet();
-    else if (shape == Shape{64, 3, 3, 3}) network = lpips_vgg16();
+    if (shape == Shape{64, 3, 11, 11})
+        network = lpips_alexnet();
+    else if (shape == Shape{64, 3, 3, 3})
+        network = lpips_vgg16();
     else
         throw ShapeError(file.name_of(first) + " has shape " + shape_text(shape) +
                          ", expected (64, 3, 11, 11) of AlexNet or (64, 3, 3, 3) of VGG16");
@@ -89,10 +91,10 @@ LpipsNetwork read_lpips_tensors(const Reader& file) {
         }
         if (!step.compared) continue;
         const std::string k = std::to_string(slice), lin = "lin" + k;
-        const std::string name = find_tensor(keys,
-                                             {lin + ".model.1.weight", "lins." + k + ".model.1.weight",
-                                              lin + ".model.0.weight", lin + ".weight", lin},
-                                             path);
+        const std::string name = find_tensor(
+            keys,
+            {lin + ".model.1.weight", "lins." + k + ".model.1.weight", lin + ".model.0.weight", lin + ".weight", lin},
+            path);
         const Shape found = file.header(name).shape; // (1, C, 1, 1) of a convolution, or with axes of length 1 removed
         std::size_t longest = 1, count = 1;
         for (const std::size_t length : found) longest = std::max(longest, length);
@@ -106,13 +108,13 @@ LpipsNetwork read_lpips_tensors(const Reader& file) {
 
 } // namespace detail
 
-inline LpipsNetwork read_lpips(const std::filesystem::path& path) {
-    const std::string extension = path.extension().string();
+inline LpipsNetwork read_lpips(const InputFile& input) {
+    const std::string extension = input.ending();
     if (extension == ".pth" || extension == ".pt")
-        throw IoError(path.string() + " is a PyTorch pickle, expected .safetensors or .npz; docs/components/lpips.md "
-                                      "says how to export the weights");
-    if (extension == ".npz") return detail::read_lpips_tensors(NpzReader(path));
-    return detail::read_lpips_tensors(SafetensorsReader(path));
+        throw IoError(input.name() + " is a PyTorch pickle, expected .safetensors or .npz; docs/components/lpips.md "
+                                     "says how to export the weights");
+    if (extension == ".npz") return detail::read_lpips_tensors(NpzReader(input));
+    return detail::read_lpips_tensors(SafetensorsReader(input));
 }
 
 } // namespace gsh

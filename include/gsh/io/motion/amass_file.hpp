@@ -5,13 +5,13 @@
 #include <gsh/body/body_model.hpp>
 #include <gsh/body/motion.hpp>
 #include <gsh/core/error.hpp>
+#include <gsh/io/file/input_file.hpp>
 #include <gsh/io/file/npz.hpp>
 #include <gsh/io/motion/frame_rate.hpp>
 #include <gsh/io/motion/motion_file.hpp>
 #include <gsh/io/motion/motion_table.hpp>
 
 #include <cstddef>
-#include <filesystem>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -27,7 +27,7 @@ namespace gsh {
 /// Frame   z is up in AMASS; with options.world = upright the body stands along +y. Hand poses include the mean hand
 ///         unless the file's flat_hand (or flat_hand_mean) is 0.
 /// Errors  those of load_motion.
-[[nodiscard]] inline Motion load_amass_motion(const std::filesystem::path& path, const BodyModel& model,
+[[nodiscard]] inline Motion load_amass_motion(const InputFile& input, const BodyModel& model,
                                               const MotionFileOptions& options = {},
                                               std::vector<std::string>* warnings = nullptr);
 
@@ -91,14 +91,14 @@ inline void add_mean_shape(MotionTable& table, std::vector<std::string>* warning
 
 } // namespace detail
 
-inline Motion load_amass_motion(const std::filesystem::path& path, const BodyModel& model,
-                                const MotionFileOptions& options, std::vector<std::string>* warnings) {
-    const NpzReader file(path);
-    MotionTable table(path);
+inline Motion load_amass_motion(const InputFile& input, const BodyModel& model, const MotionFileOptions& options,
+                                std::vector<std::string>* warnings) {
+    const NpzReader file(input);
+    MotionTable table(input.path());
     detail::TableOfNpz members(file, table);
     if (!members.take("poses", "poses")) {
         if (!members.take("root_orient", "global_orient", 3))
-            throw IoError(path.string() +
+            throw IoError(input.name() +
                           ": poses is missing, and so is root_orient; expected a motion as AMASS writes it");
         if (!members.take("pose_body", "body_pose")) throw IoError(file.name_of("pose_body") + " is missing");
         members.take("pose_jaw", "jaw_pose", 3);

@@ -10,6 +10,7 @@
 #include <gsh/core/error.hpp>
 #include <gsh/io/file/folder_list.hpp>
 #include <gsh/io/file/foreign_file.hpp>
+#include <gsh/io/file/input_file.hpp>
 #include <gsh/io/file/json_file.hpp>
 #include <gsh/io/file/npz.hpp>
 #include <gsh/io/file/text_lines.hpp>
@@ -27,9 +28,7 @@
 #include <gsh/io/motion/up_warning.hpp>
 
 #include <cstddef>
-#include <cstdio>
 #include <filesystem>
-#include <memory>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -57,7 +56,7 @@ enum class MotionLayout {
 ///
 /// Errors  IoError for a path that is neither a folder nor an archive; kinds of files that are known but not read are
 ///         named, with the way to convert them.
-[[nodiscard]] inline std::optional<MotionLayout> recognise_motion(const std::filesystem::path& path);
+[[nodiscard]] inline std::optional<MotionLayout> recognise_motion(const InputFile& input);
 
 /// Loads a motion in any layout from a file or a folder. For a folder with poses.npz (a capture), that file is read.
 ///
@@ -66,39 +65,35 @@ enum class MotionLayout {
 ///
 /// Frame   that of the file, or options.world. BVH and glTF are y up; SAM 3D Body is stored in the camera's axes.
 /// Errors  IoError for an unknown layout; those of the layout's own function, and of retarget.
-[[nodiscard]] inline Motion load_any_motion(const std::filesystem::path& path, const BodyModel& body,
+[[nodiscard]] inline Motion load_any_motion(const InputFile& input, const BodyModel& body,
                                             const MotionFileOptions& options = {},
                                             std::vector<std::string>* warnings = nullptr);
 
 // -------------------------------------------------------------------------------------------------------------
 
 /// Loads the motion of another rig, not retargeted. No value for all other layouts.
-[[nodiscard]] inline std::optional<RigMotion> load_rig_motion(const std::filesystem::path& path, MotionLayout layout,
+[[nodiscard]] inline std::optional<RigMotion> load_rig_motion(const InputFile& input, MotionLayout layout,
                                                               const MotionFileOptions& options = {},
                                                               std::vector<std::string>* warnings = nullptr);
 
 namespace detail {
 
 /// Recognises texts and containers other than .npz by their first bytes, or by the ending of the name.
-inline std::optional<MotionLayout> recognise_rig_file(const std::filesystem::path& path) {
+inline std::optional<MotionLayout> recognise_rig_file(const InputFile& input) {
     char bytes[64] = {};
-    std::size_t count = 0;
-    const auto close = [](std::FILE* stream) { std::fclose(stream); };
-    if (const std::unique_ptr<std::FILE, decltype(close)> file(std::fopen(path.c_str(), "rbe"), close); file)
-        count = std::fread(bytes, 1, sizeof bytes, file.get());
-    std::string_view head(bytes, count);
+    std::string_view head(bytes, InputStream(input).read(bytes, sizeof bytes));
     if (head.starts_with("\xef\xbb\xbf")) head.remove_prefix(3);
     head = trimmed(head);
-    const auto ends = [&](std::string_view ending) { return is_word(path.extension().string(), ending); };
+    const auto ends = [&](std::string_view ending) { return is_word(input.ending(), ending); };
     if (is_word(head.substr(0, 9), "HIERARCHY") || ends(".bvh")) return MotionLayout::bvh;
     if (ends(".json"))
-        throw IoError(path.string() + ": is a single file of JSON; give the folder that holds one for each frame");
+        throw IoError(input.name() + ": is a single file of JSON; give the folder that holds one for each frame");
     if (head.starts_with("glTF") || head.starts_with("{") || ends(".glb") || ends(".gltf") || ends(".vrm") ||
         ends(".vrma"))
         return MotionLayout::gltf;
-    if (const std::string foreign = not_the_kind(path, "a motion: .npz, BVH, glTF or a folder", "npz", "");
+    if (const std::string foreign = not_the_kind(input, "a motion: .npz, BVH, glTF or a folder", "npz", "");
         !foreign.empty())
-        throw IoError(path.string() + ": " + foreign);
+        throw IoError(input.name() + ": " + foreign);
     return std::nullopt;
 }
 
@@ -108,31 +103,33 @@ inline std::filesystem::path json_frames_folder(const std::filesystem::path& fol
     return place.empty() ? easymocap_pose_folder(folder) : place;
 }
 
-/// The file that holds the motion: poses.npz in a folder if it exists, else the path itself.
-inline std::filesystem::path motion_file_of(const std::filesystem::path& path) {
+/// The file that holds the motion: poses.npz in a folder if it exists, else the input itself.
+inline InputFile motion_file_of(const InputFile& input) {
+    if (!input.is_folder()) return input;
     std::error_code ignored;
-    const auto inside = path / "poses.npz";
-    return std::filesystem::is_directory(path, ignored) && std::filesystem::exists(inside, ignored) ? inside : path;
+    const auto inside = input.path() / "poses.npz";
+    return std::filesystem::exists(inside, ignored) ? InputFile(inside) : input;
 }
 
 } // namespace detail
 
-inline std::optional<MotionLayout> recognise_motion(const std::filesystem::path& path) {
-    std::error_code ignored;
-    if (std::filesystem::is_directory(path, ignored)) {
-        if (std::filesystem::is_directory(path / "pose", ignored) &&
-            !detail::list_numbered(path / "pose", ".txt").empty())
+inline std::optional<MotionLayout> recognise_motion(const InputFile& input) {
+    if (input.is_folder()) {
+        const std::filesystem::path& folder = input.path();
+        std::error_code ignored;
+        if (std::filesystem::is_directory(folder / "pose", ignored) &&
+            !detail::list_numbered(folder / "pose", ".txt").empty())
             return MotionLayout::gala;
-        const auto own = detail::smplx_json_folder(path), file = detail::motion_file_of(path);
-        if (own.empty() && file != path) return recognise_motion(file);
-        if (const auto place = detail::json_frames_folder(path); !place.empty()) {
+        const InputFile file = detail::motion_file_of(input);
+        if (detail::smplx_json_folder(folder).empty() && !file.is_folder()) return recognise_motion(file);
+        if (const auto place = detail::json_frames_folder(folder); !place.empty()) {
             const detail::Json first = detail::read_json(detail::list_numbered(place, ".json").front().path);
             return first.is_array() || first.contains("annots") ? MotionLayout::easymocap : MotionLayout::smplx_json;
         }
-        return npz_frames(path).empty() ? std::nullopt : std::optional(MotionLayout::npz_frames);
+        return npz_frames(folder).empty() ? std::nullopt : std::optional(MotionLayout::npz_frames);
     }
-    if (const auto layout = detail::recognise_rig_file(path)) return layout;
-    const NpzReader file(path);
+    if (const auto layout = detail::recognise_rig_file(input)) return layout;
+    const NpzReader file(input);
     detail::check_first_version(file, "motion");
     const auto has = [&](const char* key) { return file.has_array(key); };
     if (file.has("pred_global_rots")) return MotionLayout::sam3d;
@@ -144,31 +141,31 @@ inline std::optional<MotionLayout> recognise_motion(const std::filesystem::path&
     return MotionLayout::gsh;
 }
 
-inline std::optional<RigMotion> load_rig_motion(const std::filesystem::path& path, MotionLayout layout,
+inline std::optional<RigMotion> load_rig_motion(const InputFile& input, MotionLayout layout,
                                                 const MotionFileOptions& options, std::vector<std::string>* warnings) {
     switch (layout) {
     case MotionLayout::bvh:
-        return load_bvh(path, options.joint_map, warnings, options.rates());
+        return load_bvh(input, options.joint_map, warnings, options.rates());
     case MotionLayout::gltf:
-        return load_gltf_motion(path, options.joint_map, warnings, options.animation, options.rates());
+        return load_gltf_motion(input, options.joint_map, warnings, options.animation, options.rates());
     case MotionLayout::sam3d:
-        return load_sam3d_motion(path, options.joint_map, warnings, options.rates());
+        return load_sam3d_motion(input, options.joint_map, warnings, options.rates());
     default:
         return std::nullopt;
     }
 }
 
-inline Motion load_any_motion(const std::filesystem::path& path, const BodyModel& body,
-                              const MotionFileOptions& options, std::vector<std::string>* warnings) {
-    const auto layout = recognise_motion(path);
+inline Motion load_any_motion(const InputFile& input, const BodyModel& body, const MotionFileOptions& options,
+                              std::vector<std::string>* warnings) {
+    const auto layout = recognise_motion(input);
     if (!layout)
-        throw IoError(path.string() +
+        throw IoError(input.name() +
                       ": holds no motion; expected poses.npz, files NUMBER.json (ExAvatar, LHM, "
                       "EasyMocap) or NUMBER.npz, or a GalaBasketball scene" +
-                      folder_contents(path));
-    const auto file = detail::motion_file_of(path);
+                      folder_contents(input.path()));
+    const InputFile file = detail::motion_file_of(input);
     if (const auto rig = load_rig_motion(file, *layout, options, warnings)) {
-        Motion motion = retarget(*rig, body, options.joint_map, {options.betas, path.string(), warnings});
+        Motion motion = retarget(*rig, body, options.joint_map, {options.betas, input.name(), warnings});
         if (*layout == MotionLayout::sam3d && options.world == MotionFileOptions::World::as_stored)
             for (std::size_t t = 0; t < motion.frame_count(); ++t)
                 move_frame(body, motion, t, {half_turn_about_x(), vec3<double>(0)});
@@ -182,28 +179,29 @@ inline Motion load_any_motion(const std::filesystem::path& path, const BodyModel
     case MotionLayout::snapshot:
         return detail::load_snapshot_motion(file, body, options, warnings);
     case MotionLayout::smplx_json:
-        return load_smplx_json_motion(detail::json_frames_folder(path), body, options, warnings);
+        return load_smplx_json_motion(detail::json_frames_folder(input.path()), body, options, warnings);
     case MotionLayout::easymocap:
-        return load_easymocap_motion(detail::json_frames_folder(path), body, options, warnings);
+        return load_easymocap_motion(detail::json_frames_folder(input.path()), body, options, warnings);
     case MotionLayout::npz_frames:
-        return load_npz_frames(path, body, options, warnings);
+        return load_npz_frames(input.path(), body, options, warnings);
     case MotionLayout::gala: {
-        const GalaRig rig = load_gala_rig(std::filesystem::weakly_canonical(path).parent_path() / "model", warnings);
-        check_size(path.string(), "joints of a pose", rig.body.joint_count(), body.joint_count(),
+        const GalaRig rig =
+            load_gala_rig(std::filesystem::weakly_canonical(input.path()).parent_path() / "model", warnings);
+        check_size(input.name(), "joints of a pose", rig.body.joint_count(), body.joint_count(),
                    "the motion is for GalaBasketball's own body");
         std::vector<int> frames;
-        for (const auto& pose : detail::list_numbered(path / "pose", ".txt"))
+        for (const auto& pose : detail::list_numbered(input.path() / "pose", ".txt"))
             frames.push_back(static_cast<int>(pose.number));
         StatedTime stated;
         stated.numbers.assign(frames.begin(), frames.end());
-        const auto times = frame_times(frames.size(), stated, options.rates(), path.string(), warnings);
-        std::vector<Motion> people = load_gala_motions(path / "pose", rig, frames);
+        const auto times = frame_times(frames.size(), stated, options.rates(), input.name(), warnings);
+        std::vector<Motion> people = load_gala_motions(input.path() / "pose", rig, frames);
         for (Motion& motion : people) motion.timestamps = times;
-        check_value(options.person >= 0 && static_cast<std::size_t>(options.person) < people.size(), path.string(),
+        check_value(options.person >= 0 && static_cast<std::size_t>(options.person) < people.size(), input.name(),
                     "there is no person " + std::to_string(options.person) + ", the poses hold " +
                         std::to_string(people.size()));
         Motion& motion = people[static_cast<std::size_t>(options.person)];
-        detail::turn_upright(body, motion, options, path.string(), warnings);
+        detail::turn_upright(body, motion, options, input.name(), warnings);
         return std::move(motion);
     }
     default:

@@ -8,9 +8,9 @@
 #include <gsh/body/rig_up.hpp>
 #include <gsh/body/turned_limbs.hpp>
 #include <gsh/core/error.hpp>
-#include <gsh/io/file/atomic_file.hpp>
 #include <gsh/io/file/claimed_size.hpp>
 #include <gsh/io/file/foreign_file.hpp>
+#include <gsh/io/file/input_file.hpp>
 #include <gsh/io/file/text_lines.hpp>
 #include <gsh/io/motion/bvh_export.hpp>
 #include <gsh/io/motion/frame_rate.hpp>
@@ -23,9 +23,8 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
-#include <filesystem>
-#include <numbers>
 #include <map>
+#include <numbers>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -47,7 +46,7 @@ namespace gsh {
 /// Errors  IoError, ValueError naming file and line: a channel that is not known, numbers that do not fit the channels,
 ///         fewer lines than 'Frames:' states, NaN, more than 256 levels. What was guessed is added to
 ///         `warnings`.
-[[nodiscard]] inline RigMotion load_bvh(const std::filesystem::path& path, const JointMap& map = {},
+[[nodiscard]] inline RigMotion load_bvh(const InputFile& input, const JointMap& map = {},
                                         std::vector<std::string>* warnings = nullptr, const FrameRates& rates = {});
 
 // -------------------------------------------------------------------------------------------------------------
@@ -56,8 +55,8 @@ namespace detail {
 
 class BvhReader {
 public:
-    BvhReader(const std::filesystem::path& path, std::vector<std::string>* warnings)
-        : text_(read_file(path)), lines_(text_, path.string()), warnings_(warnings) {}
+    BvhReader(const InputFile& input, std::vector<std::string>* warnings)
+        : text_(read_file(input)), lines_(text_, input.name()), warnings_(warnings) {}
 
     /// Whether gsh wrote the file.
     [[nodiscard]] bool is_own() const { return is_saved_bvh(text_); }
@@ -255,8 +254,10 @@ private:
             mat3<double> local(1.0);
             for (const int channel : joints_[j].channels) {
                 const double number = numbers[n++];
-                if (channel < 3) place[channel] = number;
-                else local = local * axis_rotation(channel - 3, number * (std::numbers::pi / 180));
+                if (channel < 3)
+                    place[channel] = number;
+                else
+                    local = local * axis_rotation(channel - 3, number * (std::numbers::pi / 180));
             }
             joints_[j].positions += place;
             if (rig_.parents[j] >= 0) {
@@ -272,15 +273,15 @@ private:
 
 } // namespace detail
 
-inline RigMotion load_bvh(const std::filesystem::path& path, const JointMap& map, std::vector<std::string>* warnings,
+inline RigMotion load_bvh(const InputFile& input, const JointMap& map, std::vector<std::string>* warnings,
                           const FrameRates& rates) {
-    detail::BvhReader reader(path, warnings);
+    detail::BvhReader reader(input, warnings);
     RigMotion rig = reader.read(rates);
-    const MatchedJoints matched = map.match(rig, path.string());
+    const MatchedJoints matched = map.match(rig, input.name());
     LengthUnit unit = guess_length_unit(rig, matched);
     RigUp up = find_up(rig, matched);
     const auto warn = [&](const std::string& text) {
-        if (warnings) warnings->push_back(path.string() + ": " + text);
+        if (warnings) warnings->push_back(input.name() + ": " + text);
     };
     if (reader.is_own() && unit.metres != 1) { // with legs of 0.3 to 3, another program wrote it, in metres
         unit.metres = 0.01;
@@ -290,7 +291,7 @@ inline RigMotion load_bvh(const std::filesystem::path& path, const JointMap& map
     }
     if (const std::string text = detail::up_warning(up); !text.empty()) warn(text);
     move_rig(rig, turn_to_y(up.axis), unit.metres);
-    validate(rig, path.string());
+    validate(rig, input.name());
     turn_limbs_to_joints(rig, matched);
     return rig;
 }

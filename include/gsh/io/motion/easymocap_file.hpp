@@ -7,6 +7,7 @@
 #include <gsh/body/moved_motion.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/io/file/folder_list.hpp>
+#include <gsh/io/file/input_file.hpp>
 #include <gsh/io/file/json_file.hpp>
 #include <gsh/io/file/named_path.hpp>
 #include <gsh/io/motion/frame_rate.hpp>
@@ -61,15 +62,14 @@ struct EasyMocapPerson {
     std::vector<double> Rh, Th, poses, shapes, expression, handl, handr;
 };
 
-inline EasyMocapPerson read_easymocap_person(const std::filesystem::path& path, int person) {
-    const Json json = read_json(path);
-    const Json& list = json.is_array() ? json : JsonObject(json, path.string()).at("annots");
-    if (!list.is_array()) throw IoError(path.string() + ": holds no list of people");
-    if (list.empty())
-        throw IoError(path.string() + ": holds no person in this frame; leave it and its photographs out");
+inline EasyMocapPerson read_easymocap_person(const InputFile& input, int person) {
+    const Json json = read_json(input);
+    const Json& list = json.is_array() ? json : JsonObject(json, input.name()).at("annots");
+    if (!list.is_array()) throw IoError(input.name() + ": holds no list of people");
+    if (list.empty()) throw IoError(input.name() + ": holds no person in this frame; leave it and its photographs out");
     std::vector<std::string> known;
     for (std::size_t i = 0; i < list.size(); ++i) {
-        const JsonObject object(list[i], path.string() + ": [" + std::to_string(i) + "]");
+        const JsonObject object(list[i], input.name() + ": [" + std::to_string(i) + "]");
         const int id = object.has("id")         ? object.integer("id")
                        : object.has("personID") ? object.integer("personID")
                                                 : static_cast<int>(i);
@@ -81,7 +81,7 @@ inline EasyMocapPerson read_easymocap_person(const std::filesystem::path& path, 
         return {optional("Rh"),         object.numbers("Th", 3), object.numbers("poses"), object.numbers("shapes"),
                 optional("expression"), optional("handl"),       optional("handr")};
     }
-    throw IoError(path.string() + ": person " + std::to_string(person) + " is missing, there are " +
+    throw IoError(input.name() + ": person " + std::to_string(person) + " is missing, there are " +
                   listed(known, "none") + "; choose a person who is in every frame, or leave out the other frames");
 }
 

@@ -13,6 +13,7 @@
 #include <gsh/io/file/gltf_file.hpp>
 #include <gsh/io/file/gltf_nodes.hpp>
 #include <gsh/io/file/gltf_numbers.hpp>
+#include <gsh/io/file/input_file.hpp>
 #include <gsh/io/file/text_lines.hpp>
 #include <gsh/io/motion/frame_rate.hpp>
 #include <gsh/io/motion/gltf_frame_times.hpp>
@@ -28,7 +29,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
-#include <filesystem>
 #include <string>
 #include <vector>
 
@@ -49,7 +49,7 @@ namespace gsh {
 /// Units     metres; other units are guessed from the legs, with a warning.
 /// Errors    IoError, ValueError naming file and place: no animation, an index out of range, a tree with a cycle, times
 ///           that do not ascend, a buffer that is short, a mirrored joint, an animation without nodes.
-[[nodiscard]] inline RigMotion load_gltf_motion(const std::filesystem::path& path, const JointMap& map = {},
+[[nodiscard]] inline RigMotion load_gltf_motion(const InputFile& input, const JointMap& map = {},
                                                 std::vector<std::string>* warnings = nullptr,
                                                 const std::string& animation = {}, const FrameRates& rates = {});
 
@@ -59,8 +59,8 @@ namespace detail {
 
 class GltfMotionReader {
 public:
-    explicit GltfMotionReader(const std::filesystem::path& path)
-        : file_(path), nodes_(file_), joints_(file_, nodes_), numbers_(file_, most_numbers()) {}
+    explicit GltfMotionReader(const InputFile& input)
+        : file_(input), nodes_(file_), joints_(file_, nodes_), numbers_(file_, most_numbers()) {}
 
     RigMotion read(const JointMap& map, std::vector<std::string>* warnings, const std::string& wanted,
                    const FrameRates& rates) {
@@ -227,16 +227,15 @@ private:
 
 } // namespace detail
 
-inline RigMotion load_gltf_motion(const std::filesystem::path& path, const JointMap& map,
-                                  std::vector<std::string>* warnings, const std::string& animation,
-                                  const FrameRates& rates) {
-    RigMotion rig = detail::GltfMotionReader(path).read(map, warnings, animation, rates);
-    const MatchedJoints matched = map.match(rig, path.string());
+inline RigMotion load_gltf_motion(const InputFile& input, const JointMap& map, std::vector<std::string>* warnings,
+                                  const std::string& animation, const FrameRates& rates) {
+    RigMotion rig = detail::GltfMotionReader(input).read(map, warnings, animation, rates);
+    const MatchedJoints matched = map.match(rig, input.name());
     const LengthUnit unit = guess_length_unit(rig, matched);
     RigUp up = find_up(rig, matched, false); // a skin may be bound in axes of its own
     if (!up.doubt.empty()) up = {};          // glTF demands y up
     const auto warn = [&](const std::string& text) {
-        if (warnings && !text.empty()) warnings->push_back(path.string() + ": " + text);
+        if (warnings && !text.empty()) warnings->push_back(input.name() + ": " + text);
     };
     if (unit.metres != 1) warn(detail::unit_warning(unit));
     warn(detail::up_warning(up));

@@ -5,9 +5,9 @@
 #include <gsh/body/joint_map.hpp>
 #include <gsh/body/joint_names.hpp>
 #include <gsh/core/error.hpp>
+#include <gsh/io/file/input_file.hpp>
 #include <gsh/io/file/json_file.hpp>
 
-#include <filesystem>
 #include <string>
 
 namespace gsh {
@@ -17,15 +17,15 @@ namespace gsh {
 ///
 /// Errors  IoError naming the file and the entry: a file that is not a JSON object, or a name that SMPL-X does not
 ///         have.
-[[nodiscard]] inline JointMap read_joint_map(const std::filesystem::path& path) {
-    const detail::Json json = detail::read_json(path, "joint_map");
+[[nodiscard]] inline JointMap read_joint_map(const InputFile& input) {
+    const detail::Json json = detail::read_json(input, "joint_map");
     if (!json.is_object())
-        throw IoError(path.string() + ": is " + json.type_name() +
+        throw IoError(input.name() + ": is " + json.type_name() +
                       R"(, expected an object of names such as {"LeftArm": "left_shoulder"})");
     JointMap map;
     for (const auto& [name, joint] : json.items()) {
         if (!joint.is_null() && (!joint.is_string() || smplx_joint(joint.get<std::string>()) < 0))
-            throw IoError(path.string() + ": " + detail::shortened(name) + " is " + detail::shortened(joint.dump()) +
+            throw IoError(input.name() + ": " + detail::shortened(name) + " is " + detail::shortened(joint.dump()) +
                           ", expected a joint of SMPL-X such as \"left_shoulder\", or null");
         map.named[name] = joint.is_null() ? std::string() : joint.get<std::string>();
     }

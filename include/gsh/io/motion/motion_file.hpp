@@ -6,6 +6,7 @@
 #include <gsh/body/motion.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/io/file/archive.hpp>
+#include <gsh/io/file/input_file.hpp>
 #include <gsh/io/file/npz.hpp>
 #include <gsh/io/file/npz_writer.hpp>
 #include <gsh/io/motion/frame_rate.hpp>
@@ -36,7 +37,7 @@ namespace gsh {
 /// Units        axis-angle in radians, metres, seconds.
 /// Errors       IoError, ShapeError, ValueError naming file and key. Probable mistakes are added to `warnings`: missing
 ///              or unused parts, degrees, a mean hand that is missing or was added twice.
-[[nodiscard]] inline Motion load_motion(const std::filesystem::path& path, const BodyModel& model,
+[[nodiscard]] inline Motion load_motion(const InputFile& input, const BodyModel& model,
                                         const MotionFileOptions& options = {},
                                         std::vector<std::string>* warnings = nullptr);
 
@@ -279,9 +280,9 @@ private:
 
 } // namespace detail
 
-inline Motion load_motion(const std::filesystem::path& path, const BodyModel& model, const MotionFileOptions& options,
+inline Motion load_motion(const InputFile& input, const BodyModel& model, const MotionFileOptions& options,
                           std::vector<std::string>* warnings) {
-    NpzReader file(path);
+    NpzReader file(input);
     detail::check_first_version(file, "motion");
     return detail::MotionReader<NpzReader>(std::move(file), model, options, warnings).read();
 }

@@ -6,6 +6,7 @@
 #include <gsh/body/motion.hpp>
 #include <gsh/camera/pinhole.hpp>
 #include <gsh/core/error.hpp>
+#include <gsh/io/file/input_file.hpp>
 #include <gsh/io/file/npz.hpp>
 #include <gsh/io/motion/amass_file.hpp>
 #include <gsh/io/motion/frame_rate.hpp>
@@ -38,11 +39,11 @@ struct SnapshotPoses {
     [[nodiscard]] std::size_t size() const { return transl.size() / 3; }
 };
 
-inline SnapshotPoses read_snapshot_poses(const std::filesystem::path& path) {
-    const NpzReader file(path);
-    MotionTable table(path);
+inline SnapshotPoses read_snapshot_poses(const InputFile& input) {
+    const NpzReader file(input);
+    MotionTable table(input.path());
     TableOfNpz members(file, table);
-    SnapshotPoses poses{path, {}, {}, {}};
+    SnapshotPoses poses{input.path(), {}, {}, {}};
     if (members.take("thetas", "thetas", 72) || members.take("poses", "thetas", 72)) {
         poses.thetas = table.read<double>("thetas").data;
     } else {
@@ -77,11 +78,11 @@ inline void add_snapshot_poses(MotionTable& table, const SnapshotPoses& poses) {
 }
 
 /// Loads a motion file of this layout alone.
-inline Motion load_snapshot_motion(const std::filesystem::path& path, const BodyModel& body,
-                                   const MotionFileOptions& options, std::vector<std::string>* warnings) {
-    MotionTable table(path);
-    add_snapshot_poses(table, read_snapshot_poses(path));
-    copy_stated_time(NpzReader(path), table);
+inline Motion load_snapshot_motion(const InputFile& input, const BodyModel& body, const MotionFileOptions& options,
+                                   std::vector<std::string>* warnings) {
+    MotionTable table(input.path());
+    add_snapshot_poses(table, read_snapshot_poses(input));
+    copy_stated_time(NpzReader(input), table);
     return MotionReader<MotionTable>(std::move(table), body, options, warnings).read();
 }
 

@@ -7,6 +7,7 @@
 #include <gsh/body/rig_motion.hpp>
 #include <gsh/body/turned_limbs.hpp>
 #include <gsh/core/error.hpp>
+#include <gsh/io/file/input_file.hpp>
 #include <gsh/io/file/npz.hpp>
 #include <gsh/io/motion/frame_rate.hpp>
 #include <gsh/math/rotation.hpp>
@@ -16,7 +17,6 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
-#include <filesystem>
 #include <limits>
 #include <string>
 #include <utility>
@@ -36,7 +36,7 @@ namespace gsh {
 ///         hands were refined, SAM 3D Body's positions are of the refined hands, its rotations of those before. If
 ///         positions and rotations differ by more than 5 degrees in limbs or 10 in fingers, a warning is added.
 /// Errors  IoError, ShapeError, ValueError naming file and key; rotations and positions that do not belong together.
-[[nodiscard]] inline RigMotion load_sam3d_motion(const std::filesystem::path& path, const JointMap& map = {},
+[[nodiscard]] inline RigMotion load_sam3d_motion(const InputFile& input, const JointMap& map = {},
                                                  std::vector<std::string>* warnings = nullptr,
                                                  const FrameRates& rates = {});
 
@@ -73,9 +73,9 @@ inline double bone_disagreement(const RigMotion& rig, const MatchedJoints& match
 
 } // namespace detail
 
-inline RigMotion load_sam3d_motion(const std::filesystem::path& path, const JointMap& map,
-                                   std::vector<std::string>* warnings, const FrameRates& rates) {
-    const NpzReader file(path);
+inline RigMotion load_sam3d_motion(const InputFile& input, const JointMap& map, std::vector<std::string>* warnings,
+                                   const FrameRates& rates) {
+    const NpzReader file(input);
     RigMotion rig;
     for (const char* key :
          {"names", "parents", "rest_joints", "rest_rotations", "pred_joint_coords", "pred_global_rots"})
@@ -88,10 +88,10 @@ inline RigMotion load_sam3d_motion(const std::filesystem::path& path, const Join
     check_value(T > 0 && J > 0, file.name_of("pred_global_rots"), "holds no frames or no joints");
     check_value(J <= 4096, file.name_of("pred_global_rots"),
                 "holds " + std::to_string(J) + " joints, expected at most 4096; MHR has 127");
-    check_rig_size(path.string(), J, T);
+    check_rig_size(input.name(), J, T);
     const auto frames = static_cast<std::int64_t>(T), joints = static_cast<std::int64_t>(J);
     rig.names = file.read_texts("names");
-    check_size(path.string(), "names", rig.names.size(), J, "as many as pred_global_rots has joints");
+    check_size(input.name(), "names", rig.names.size(), J, "as many as pred_global_rots has joints");
     for (const auto parent : file.read<std::int64_t>("parents", {joints}).data)
         rig.parents.push_back(parent < 0 || parent >= joints ? -1 : static_cast<int>(parent));
     const auto vectors = [&](const NpyArray<double>& array, std::vector<vec3<double>>& to) {
@@ -109,14 +109,14 @@ inline RigMotion load_sam3d_motion(const std::filesystem::path& path, const Join
     matrices(file.read<double>("pred_global_rots", {frames, joints, 3, 3}), rig.rotations);
     std::vector<vec3<double>> camera;
     if (file.has("pred_cam_t")) vectors(file.read<double>("pred_cam_t", {frames, 3}), camera);
-    rig.timestamps = frame_times(T, stated_time(file, T), rates, path.string(), warnings);
-    validate(rig, path.string());
+    rig.timestamps = frame_times(T, stated_time(file, T), rates, input.name(), warnings);
+    validate(rig, input.name());
 
-    const MatchedJoints matched = map.match(rig, path.string());
+    const MatchedJoints matched = map.match(rig, input.name());
     const mat3<double> half = half_turn_about_x();
     const double as_camera = detail::bone_disagreement(rig, matched, half),
                  as_it_is = detail::bone_disagreement(rig, matched, mat3<double>(1.0));
-    check_value(!(std::min(as_camera, as_it_is) > 0.5) || !std::isfinite(as_camera), path.string(),
+    check_value(!(std::min(as_camera, as_it_is) > 0.5) || !std::isfinite(as_camera), input.name(),
                 "bones point " + std::to_string(std::lround(std::min(as_camera, as_it_is) * 57.29578)) +
                     " degrees away from where the rotations turn them; expected rest_joints and rest_rotations of the "
                     "same rig, at rest");
@@ -130,7 +130,7 @@ inline RigMotion load_sam3d_motion(const std::filesystem::path& path, const Join
     const auto warn_of = [&](const char* what, double radians, double most) {
         const double degrees = radians * 57.29578;
         if (degrees > most && warnings)
-            warnings->push_back(path.string() + ": " + what + " point " + std::to_string(std::lround(degrees)) +
+            warnings->push_back(input.name() + ": " + what + " point " + std::to_string(std::lround(degrees)) +
                                 " degrees away from where pred_global_rots turn them; the positions of "
                                 "pred_joint_coords are taken");
     };

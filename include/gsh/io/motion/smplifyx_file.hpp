@@ -7,6 +7,7 @@
 #include <gsh/body/moved_motion.hpp>
 #include <gsh/camera/pinhole.hpp>
 #include <gsh/core/error.hpp>
+#include <gsh/io/file/input_file.hpp>
 #include <gsh/io/file/npz.hpp>
 #include <gsh/io/motion/amass_file.hpp>
 #include <gsh/io/motion/frame_rate.hpp>
@@ -18,7 +19,6 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
-#include <filesystem>
 #include <optional>
 #include <string>
 #include <utility>
@@ -65,7 +65,7 @@ struct SmplifyxFits {
 ///
 /// Errors  those of load_motion; also for a body_pose of 32 numbers (VPoser's latent code instead of a pose) and for
 ///         intrinsics that vary.
-[[nodiscard]] inline SmplifyxFits load_smplifyx_fits(const std::filesystem::path& path, const BodyModel& model,
+[[nodiscard]] inline SmplifyxFits load_smplifyx_fits(const InputFile& input, const BodyModel& model,
                                                      const MotionFileOptions& options = {},
                                                      std::vector<std::string>* warnings = nullptr);
 
@@ -88,10 +88,10 @@ inline std::vector<double> constant_member(const NpzReader& file, const char* ke
 
 } // namespace detail
 
-inline SmplifyxFits load_smplifyx_fits(const std::filesystem::path& path, const BodyModel& model,
-                                       const MotionFileOptions& options, std::vector<std::string>* warnings) {
-    const NpzReader file(path);
-    MotionTable table(path);
+inline SmplifyxFits load_smplifyx_fits(const InputFile& input, const BodyModel& model, const MotionFileOptions& options,
+                                       std::vector<std::string>* warnings) {
+    const NpzReader file(input);
+    MotionTable table(input.path());
     detail::TableOfNpz members(file, table);
     if (!members.take("global_orient", "global_orient", 3))
         throw IoError(file.name_of("global_orient") + " is missing");
@@ -162,7 +162,7 @@ inline SmplifyxFits load_smplifyx_fits(const std::filesystem::path& path, const 
                              std::to_string(t) + "]: " + error.what());
         }
     }
-    detail::turn_upright(model, fits.motion, options, path.string(), warnings);
+    detail::turn_upright(model, fits.motion, options, input.name(), warnings);
 
     if (file.has_array("camera_matrix")) {
         const std::vector<double> m = detail::constant_member(file, "camera_matrix", 16);
@@ -181,7 +181,7 @@ inline SmplifyxFits load_smplifyx_fits(const std::filesystem::path& path, const 
     }
     if (file.has_array("frame_ids")) {
         fits.frame_ids = file.read<int>("frame_ids").data;
-        check_size(path.string(), "frame_ids", fits.frame_ids.size(), T, "one per row");
+        check_size(input.name(), "frame_ids", fits.frame_ids.size(), T, "one per row");
     }
     return fits;
 }

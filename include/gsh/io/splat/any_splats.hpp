@@ -6,18 +6,15 @@
 #include <gsh/gaussian/cloud_edits.hpp>
 #include <gsh/gaussian/gaussians.hpp>
 #include <gsh/io/file/foreign_file.hpp>
+#include <gsh/io/file/input_file.hpp>
 #include <gsh/io/splat/splat_axes.hpp>
 #include <gsh/io/splat/splat_formats.hpp>
 #include <gsh/io/splat/still_splats.hpp>
 
 #include <algorithm>
-#include <cerrno>
-#include <cstdio>
 #include <filesystem>
-#include <memory>
 #include <string>
 #include <string_view>
-#include <system_error>
 
 namespace gsh {
 
@@ -25,31 +22,27 @@ namespace gsh {
 /// damaged file are recognised by their names.
 ///
 /// Errors  IoError for a file that cannot be opened or whose format is not known.
-[[nodiscard]] inline SplatFormat recognise_splats(const std::filesystem::path& path) {
-    std::error_code ignored;
-    if (std::filesystem::is_directory(path, ignored))
-        throw IoError(path.string() + ": is a directory, expected a file of Gaussians");
-    const auto close = [](std::FILE* file) { std::fclose(file); };
-    const std::unique_ptr<std::FILE, decltype(close)> file(std::fopen(path.c_str(), "rbe"), close);
-    if (!file) throw IoError(path.string() + ": cannot be opened: " + std::generic_category().message(errno));
-    const std::string ending = path.extension().string();
+[[nodiscard]] inline SplatFormat recognise_splats(const InputFile& input) {
+    if (input.is_folder()) throw IoError(input.name() + ": is a directory, expected a file of Gaussians");
+    InputStream file(input);
+    const std::string ending = input.ending();
     for (const SplatFormatTraits& row : splat_formats)
         if (row.read && !row.has_signature() && row.has_ending(ending)) return row.format;
     char bytes[16] = {};
-    const std::string_view begin(bytes, std::fread(bytes, 1, sizeof bytes, file.get()));
+    const std::string_view begin(bytes, file.read(bytes, sizeof bytes));
     const SplatFormatTraits* likely = nullptr; // unless a format that begins with the same bytes holds the file
     for (const SplatFormatTraits& row : splat_formats) {
         if (!row.read || !row.begins_with(begin)) continue;
         if (!row.holds)
             likely = &row;
-        else if (row.holds(path))
+        else if (row.holds(input))
             return row.format;
     }
     if (likely) return likely->format;
     for (const SplatFormatTraits& row : splat_formats) // the reader of a damaged file's format gives the reason
         if (row.read && row.has_ending(ending)) return row.format;
-    const ForeignKind kind = foreign_kind(path);
-    throw IoError(path.string() + ": is in no known format of Gaussians" + (kind ? ", but " + kind.name : "") +
+    const ForeignKind kind = foreign_kind(input);
+    throw IoError(input.name() + ": is in no known format of Gaussians" + (kind ? ", but " + kind.name : "") +
                   "; expected " + splat_endings(SplatEndings::read, " or ") +
                   (kind.way_out.empty() ? "" : "; " + kind.way_out));
 }
@@ -62,8 +55,8 @@ namespace gsh {
 /// Loads a file of any of these formats. The nodes of an animated .glb or .gltf are taken at rest.
 ///
 /// Errors  those of recognise_splats and of the format's reader.
-[[nodiscard]] inline StillSplats load_any_splats(const std::filesystem::path& path) {
-    return traits_of(recognise_splats(path)).read(path);
+[[nodiscard]] inline StillSplats load_any_splats(const InputFile& input) {
+    return traits_of(recognise_splats(input)).read(input);
 }
 
 /// Saves a cloud with y up, atomically, in the format that the ending of the name chooses, in the order of the cloud;

@@ -8,6 +8,7 @@
 #include <gsh/gaussian/gaussians.hpp>
 #include <gsh/gaussian/shade.hpp>
 #include <gsh/io/file/atomic_file.hpp>
+#include <gsh/io/file/input_file.hpp>
 #include <gsh/io/splat/ply.hpp>
 #include <gsh/io/splat/ply_comments.hpp>
 #include <gsh/io/splat/ply_file.hpp>
@@ -34,7 +35,7 @@ namespace gsh {
 ///
 /// Errors  those of PlyFile; IoError if a table or a property is missing, or if chunks are too few.
 /// Source  PlayCanvas' program splat-transform, its compressed-chunk.ts.
-[[nodiscard]] inline StillSplats read_compressed_ply(const std::filesystem::path& path);
+[[nodiscard]] inline StillSplats read_compressed_ply(const InputFile& input);
 
 /// Writes a compressed PLY file, atomically, in the order of the cloud. A chunk of 256 neighbours in the order spans a
 /// box of positions, log-scales and colours, within which they have 8 to 11 bits; so neighbours in the order should be
@@ -271,8 +272,8 @@ inline void read_ply_bands(PlyFile& file, GaussianCloud<float>& cloud) {
 
 } // namespace detail
 
-inline StillSplats read_compressed_ply(const std::filesystem::path& path) {
-    PlyFile file(path);
+inline StillSplats read_compressed_ply(const InputFile& input) {
+    PlyFile file(input);
     const std::size_t count = file.vertices().count;
     const auto chunks = detail::read_ply_chunks(file, count);
     const int degree = detail::compressed_ply_degree(file, count);

@@ -10,6 +10,7 @@
 #include <gsh/io/file/gltf_file.hpp>
 #include <gsh/io/file/gltf_nodes.hpp>
 #include <gsh/io/file/gltf_numbers.hpp>
+#include <gsh/io/file/input_file.hpp>
 #include <gsh/io/file/text_lines.hpp>
 #include <gsh/io/splat/gltf_gaussians.hpp>
 #include <gsh/io/splat/gltf_primitive.hpp>
@@ -57,7 +58,7 @@ inline void write_gltf_splats(const std::filesystem::path& path, const GaussianC
 /// Errors  IoError for a file that is damaged, requires an extension that is not read, shows no Gaussians, or more than
 ///         2 GiB of them (512 MiB in a small file whose nodes share meshes), and for nodes that flatten them;
 ///         ValueError for values that no Gaussian has.
-[[nodiscard]] inline StillSplats read_gltf_splats(const std::filesystem::path& path, std::optional<double> time = {});
+[[nodiscard]] inline StillSplats read_gltf_splats(const InputFile& input, std::optional<double> time = {});
 
 // -------------------------------------------------------------------------------------------------------------
 
@@ -240,8 +241,8 @@ private:
 
 } // namespace detail
 
-inline StillSplats read_gltf_splats(const std::filesystem::path& path, std::optional<double> time) {
-    const detail::GltfFile file(path, detail::GltfParts::meshes);
+inline StillSplats read_gltf_splats(const InputFile& input, std::optional<double> time) {
+    const detail::GltfFile file(input, detail::GltfParts::meshes);
     const detail::GltfNodes nodes(file);
     const detail::GltfShownSplats shown(file, nodes, time);
     return {shown.cloud(), detail::notes_of_gltf(file), shown.warnings()};

@@ -7,6 +7,7 @@
 #include <gsh/gaussian/shade.hpp>
 #include <gsh/gaussian/splats.hpp>
 #include <gsh/io/file/atomic_file.hpp>
+#include <gsh/io/file/input_file.hpp>
 #include <gsh/io/file/text_lines.hpp>
 #include <gsh/io/splat/ply_comments.hpp>
 #include <gsh/io/splat/ply_file.hpp>
@@ -47,11 +48,11 @@ struct PlyOptions {
 /// Errors  IoError for a file that is missing, truncated, not PLY, or lacks a property; ShapeError for another number
 ///         of f_rest; ValueError for NaN, other infinities, scales above e^44 and a quaternion of length 0.
 /// Source  Kerbl et al., "3D Gaussian Splatting for Real-Time Radiance Field Rendering", 2023, the files of their code.
-[[nodiscard]] inline StillSplats read_ply_splats(const std::filesystem::path& path);
+[[nodiscard]] inline StillSplats read_ply_splats(const InputFile& input);
 
 /// The Gaussians alone.
-[[nodiscard]] inline GaussianCloud<float> read_gaussian_ply(const std::filesystem::path& path) {
-    return read_ply_splats(path).cloud;
+[[nodiscard]] inline GaussianCloud<float> read_gaussian_ply(const InputFile& input) {
+    return read_ply_splats(input).cloud;
 }
 
 /// Writes x y z nx ny nz f_dc f_rest opacity scale rot as floats, atomically. Normals are zero. The header states the
@@ -218,8 +219,8 @@ private:
 
 } // namespace detail
 
-inline StillSplats read_ply_splats(const std::filesystem::path& path) {
-    PlyFile file(path);
+inline StillSplats read_ply_splats(const InputFile& input) {
+    PlyFile file(input);
     detail::PlyGaussians gaussians(file);
     StillSplats splats{gaussians.empty_cloud()};
     file.read_rows<double>(file.vertices(), gaussians.wanted(),

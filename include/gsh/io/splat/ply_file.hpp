@@ -3,25 +3,22 @@
 #pragma once
 
 #include <gsh/core/error.hpp>
+#include <gsh/io/file/input_file.hpp>
 #include <gsh/io/file/text_lines.hpp>
 #include <gsh/io/splat/ply_header.hpp>
 
 #include <algorithm>
 #include <array>
 #include <bit>
-#include <cerrno>
 #include <charconv>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <cstdio>
 #include <cstring>
-#include <filesystem>
 #include <limits>
-#include <memory>
 #include <string>
 #include <string_view>
-#include <system_error>
 #include <type_traits>
 #include <vector>
 
@@ -35,15 +32,10 @@ namespace gsh {
 /// Errors  IoError for a file that is missing, truncated or not PLY; ValueError for numbers that are not finite.
 class PlyFile {
 public:
-    explicit PlyFile(const std::filesystem::path& path) : name_(path.string()), file_(std::fopen(path.c_str(), "rbe")) {
+    explicit PlyFile(const InputFile& input) : name_(input.name()), file_(input), size_(file_.size()) {
         static_assert(std::endian::native == std::endian::little);
-        std::error_code error;
-        size_ = file_ ? std::filesystem::file_size(path, error) : 0;
-        if (!file_ || error)
-            throw IoError(name_ + ": cannot be opened: " +
-                          (error ? error : std::error_code(errno, std::generic_category())).message());
-        header_ = detail::PlyHeaderReader(file_.get(), name_).read();
-        data_begin_ = static_cast<std::uintmax_t>(::ftello(file_.get()));
+        header_ = detail::PlyHeaderReader(file_, name_).read();
+        data_begin_ = file_.position();
         check_present(vertices());
     }
 
@@ -70,7 +62,7 @@ public:
         std::vector<char> rows(by_number ? 0 : std::min<std::size_t>(block, element.count) * element.row_size);
         for (std::size_t begin = 0; begin < element.count; begin += block) {
             const std::size_t count = std::min<std::size_t>(block, element.count - begin);
-            if (!rows.empty() && std::fread(rows.data(), element.row_size, count, file_.get()) != count)
+            if (!rows.empty() && file_.read(rows.data(), element.row_size * count) != element.row_size * count)
                 fail("is truncated");
             for (std::size_t i = 0; i < count; ++i) {
                 if (by_number) read_columns(element, begin + i, columns.data());
@@ -92,11 +84,8 @@ public:
     }
 
 private:
-    struct Close {
-        void operator()(std::FILE* file) const { std::fclose(file); }
-    };
     std::string name_;
-    std::unique_ptr<std::FILE, Close> file_;
+    mutable InputStream file_; // its place is no state of this object: every reading begins with seek()
     std::uintmax_t size_ = 0, data_begin_ = 0;
     PlyHeader header_;
 
@@ -139,11 +128,11 @@ private:
         std::vector<double> unused(element.properties.size());
         for (std::size_t row = 0; row < element.count && !element.properties.empty(); ++row)
             read_columns(element, row, unused.data());
-        return static_cast<std::uintmax_t>(::ftello(file_.get()));
+        return file_.position();
     }
 
     void seek(std::uintmax_t begin) const {
-        if (::fseeko(file_.get(), static_cast<off_t>(begin), SEEK_SET) != 0) fail("is truncated");
+        if (!file_.seek(begin)) fail("is truncated");
     }
 
     double number_at(const char* bytes, const PlyType& type) const {
@@ -179,14 +168,14 @@ private:
     double next_number(const PlyType& type, const PlyElement& element, std::size_t row) const {
         if (!is_ascii()) {
             char bytes[8];
-            if (std::fread(bytes, type.width, 1, file_.get()) != 1) fail("is truncated");
+            if (file_.read(bytes, type.width) != type.width) fail("is truncated");
             return number_at(bytes, type);
         }
         constexpr std::size_t longest = 400; // characters; the largest double has 309 digits
         std::string word;
-        int c = std::fgetc(file_.get());
-        while (is_blank(c)) c = std::fgetc(file_.get());
-        for (; c != EOF && !is_blank(c) && word.size() <= longest; c = std::fgetc(file_.get()))
+        int c = file_.next();
+        while (is_blank(c)) c = file_.next();
+        for (; c != EOF && !is_blank(c) && word.size() <= longest; c = file_.next())
             word.push_back(static_cast<char>(c));
         double value = 0;
         const char *const first = word.data() + word.starts_with('+'), *const last = word.data() + word.size();

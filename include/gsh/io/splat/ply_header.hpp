@@ -3,6 +3,7 @@
 #pragma once
 
 #include <gsh/core/error.hpp>
+#include <gsh/io/file/input_file.hpp>
 #include <gsh/io/file/text_lines.hpp>
 
 #include <algorithm>
@@ -72,11 +73,11 @@ namespace detail {
 /// Errors  IoError beginning with `name`, for what is no PLY file or has no vertices.
 class PlyHeaderReader {
 public:
-    PlyHeaderReader(std::FILE* file, const std::string& name) : file_(file), name_(name) {}
+    PlyHeaderReader(InputStream& file, const std::string& name) : file_(file), name_(name) {}
 
     [[nodiscard]] PlyHeader read() {
         char magic[4] = {};
-        if (std::fread(magic, 1, 3, file_) != 3 || std::string_view(magic) != "ply") fail("is not a PLY file");
+        if (file_.read(magic, 3) != 3 || std::string_view(magic) != "ply") fail("is not a PLY file");
         bool has_format = false;
         (void)line();
         while (true) {
@@ -105,7 +106,7 @@ public:
     }
 
 private:
-    std::FILE* file_;
+    InputStream& file_;
     const std::string& name_;
     PlyHeader header_;
 
@@ -115,7 +116,7 @@ private:
     std::string line() {
         std::string text;
         int c = 0;
-        while ((c = std::fgetc(file_)) != EOF && c != '\n') {
+        while ((c = file_.next()) != EOF && c != '\n') {
             text.push_back(static_cast<char>(c));
             if (text.size() > 4096) fail("is not a PLY file: a header line is longer than 4096 characters");
         }

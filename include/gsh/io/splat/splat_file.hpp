@@ -6,6 +6,7 @@
 #include <gsh/gaussian/gaussians.hpp>
 #include <gsh/gaussian/shade.hpp>
 #include <gsh/io/file/atomic_file.hpp>
+#include <gsh/io/file/input_file.hpp>
 #include <gsh/io/splat/spz_points.hpp>
 #include <gsh/io/splat/still_splats.hpp>
 #include <gsh/math/activation.hpp>
@@ -35,8 +36,8 @@ static_assert(sizeof(SplatRow) == 32);
 ///
 /// Errors  IoError for a file that is missing, empty or not of whole rows; ValueError for a position or scale that is
 ///         not finite, and for a quaternion of length 0.
-[[nodiscard]] inline StillSplats read_splat(const std::filesystem::path& path) {
-    const std::string name = path.string(), bytes = read_file(path, std::size_t(4) << 30);
+[[nodiscard]] inline StillSplats read_splat(const InputFile& input) {
+    const std::string name = input.name(), bytes = read_file(input, std::size_t(4) << 30);
     if (bytes.empty() || bytes.size() % sizeof(detail::SplatRow) != 0)
         throw IoError(name + ": has " + std::to_string(bytes.size()) +
                       " bytes, expected 32 for each Gaussian of a .splat file");

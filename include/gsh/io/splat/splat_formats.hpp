@@ -5,6 +5,7 @@
 #include <gsh/gaussian/cloud_edits.hpp>
 #include <gsh/gaussian/gaussians.hpp>
 #include <gsh/gaussian/splats.hpp>
+#include <gsh/io/file/input_file.hpp>
 #include <gsh/io/splat/compressed_ply.hpp>
 #include <gsh/io/splat/gltf_splats.hpp>
 #include <gsh/io/splat/ply.hpp>
@@ -46,8 +47,8 @@ struct SplatLimits {
 /// A row of the table. A format without a reader is only written, one without a writer only read.
 struct SplatFormatTraits {
     using Order = std::vector<std::uint32_t> (*)(const GaussianCloud<float>& cloud);
-    using Test = bool (*)(const std::filesystem::path& path);
-    using Reader = StillSplats (*)(const std::filesystem::path& path);
+    using Test = bool (*)(const InputFile& input);
+    using Reader = StillSplats (*)(const InputFile& input);
     using Writer = SplatLosses (*)(const std::filesystem::path& path, const GaussianCloud<float>& cloud,
                                    const SplatFileOptions& options);
 
@@ -80,12 +81,12 @@ struct SplatFormatTraits {
 
 namespace detail {
 
-inline bool is_compressed_ply(const std::filesystem::path& path) {
-    return PlyFile(path).vertices().find("packed_position") != nullptr;
+inline bool is_compressed_ply(const InputFile& input) {
+    return PlyFile(input).vertices().find("packed_position") != nullptr;
 }
 /// At rest, if its nodes are animated.
-inline StillSplats read_still_gltf(const std::filesystem::path& path) {
-    return read_gltf_splats(path);
+inline StillSplats read_still_gltf(const InputFile& input) {
+    return read_gltf_splats(input);
 }
 inline SplatLosses save_ply(const std::filesystem::path& path, const GaussianCloud<float>& cloud,
                             const SplatFileOptions& o) {

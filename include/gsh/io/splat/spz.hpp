@@ -8,6 +8,7 @@
 #include <gsh/io/file/atomic_file.hpp>
 #include <gsh/io/file/claimed_size.hpp>
 #include <gsh/io/file/gzip.hpp>
+#include <gsh/io/file/input_file.hpp>
 #include <gsh/io/file/zstd.hpp>
 #include <gsh/io/splat/spz_extensions.hpp>
 #include <gsh/io/splat/spz_points.hpp>
@@ -40,7 +41,7 @@ struct SpzOptions {
 /// Errors  IoError for a file that is missing, truncated, damaged, of another version, or whose counts disagree;
 ///         ValueError for positions that are not finite, which version 1 can hold.
 /// Source  Niantic's library "spz", its load-spz.cc and splat-types.h.
-[[nodiscard]] inline StillSplats read_spz(const std::filesystem::path& path);
+[[nodiscard]] inline StillSplats read_spz(const InputFile& input);
 
 /// Writes an SPZ file in its own frame, RUB, atomically. Returns how many numbers do not fit and end at what the format
 /// holds. Positions have spz_fractional_bits, or fewer where a large scene loses less by that.
@@ -133,8 +134,8 @@ inline SpzStreams read_spz_zstd(std::string_view bytes, const std::string& name,
 
 } // namespace detail
 
-inline StillSplats read_spz(const std::filesystem::path& path) {
-    const std::string name = path.string(), bytes = read_file(path, std::size_t(4) << 30);
+inline StillSplats read_spz(const InputFile& input) {
+    const std::string name = input.name(), bytes = read_file(input, std::size_t(4) << 30);
     detail::SpzHeader header;
     std::string extensions;
     const SpzStreams streams = bytes.starts_with("\x1f\x8b") ? detail::read_spz_gzip(bytes, name, header, extensions)
