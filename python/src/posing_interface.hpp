@@ -9,7 +9,6 @@
 
 namespace gsh_python {
 
-
 struct AvatarHandle;
 struct MotionHandle;
 struct SplatsHandle;

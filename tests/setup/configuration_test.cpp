@@ -189,6 +189,31 @@ TEST_CASE("a setting that cannot be is refused with its name, and nothing change
     CHECK(settings_of(c) == before);
 }
 
+TEST_CASE("messages show no characters that a terminal cannot, and long texts not whole") {
+    const auto message_of = [](const auto& call) {
+        try {
+            call();
+        } catch (const ValueError& error) {
+            return std::string(error.what());
+        }
+        return std::string();
+    };
+    const std::string hidden = "a\xEF\xBB\xBF"
+                               "b\x1B",
+                      text_long(1000, 'x');
+    Configuration config;
+    for (const std::string& text : {hidden, text_long})
+        for (const std::string& message :
+             {message_of([&] { set_setting(config, text, "1", "--set"); }),
+              message_of([&] { set_setting(config, "rate.sh", text, "--set"); }),
+              message_of([&] { static_cast<void>(named_configuration(text, "--config")); })}) {
+            CHECK(message.starts_with("--"));
+            CHECK(message.size() < 300);
+            CHECK(message.find('\xEF') == std::string::npos);
+            CHECK(message.find('\x1B') == std::string::npos);
+        }
+}
+
 TEST_CASE("every setting is accepted up to the ends of its range and refused beyond them") {
     CHECK(try_ends(Configuration()) > 60);
     CHECK(try_ends(static_model_params(3000)) > 25);

@@ -19,6 +19,7 @@
 
 #include <gsh/core/enum_names.hpp>
 #include <gsh/core/error.hpp>
+#include <gsh/core/message.hpp>
 
 #include <bit>
 #include <charconv>
@@ -98,7 +99,7 @@ namespace detail {
 template <class V>
 void set_from_text(std::string_view where, const std::string& text, V& value, const SettingRange& range) {
     const auto refuse = [&](const std::string& expected) {
-        throw ValueError(std::string(where) + " is '" + text + "', expected " + expected);
+        throw ValueError(std::string(where) + " is '" + shortened(text) + "', expected " + expected);
     };
     if constexpr (std::is_same_v<V, bool>) {
         if (text != "true" && text != "false") refuse("true or false");
@@ -147,10 +148,11 @@ void set_setting(P& params, std::string_view key, const std::string& text, const
     for_each_setting(params, [&](std::string_view name, auto& value, const SettingRange& range) {
         if (name != key) return;
         found = true;
-        detail::set_from_text(where + ": " + std::string(key), text, value, range);
+        detail::set_from_text(where + ": " + std::string(name), text, value, range);
     });
     if (!found)
-        throw ValueError(where + ": there is no setting '" + std::string(key) + "'; docs/configurations.md lists them");
+        throw ValueError(where + ": there is no setting '" + detail::shortened(key) +
+                         "'; docs/configurations.md lists them");
 }
 
 /// Name and text of each setting, in order, for reports.

@@ -6,6 +6,7 @@
 #include <gsh/body/surface_samples.hpp>
 #include <gsh/core/enum_names.hpp>
 #include <gsh/core/error.hpp>
+#include <gsh/core/message.hpp>
 #include <gsh/core/setting.hpp>
 #include <gsh/field/hash_grid.hpp>
 #include <gsh/model/canonical_points.hpp>
@@ -110,9 +111,8 @@ struct Configuration {
 /// The names of named_configuration: the paper's method, its direct baseline with 22 joints and with all joints, and
 /// the paper's method with one part changed.
 inline constexpr std::array<std::string_view, 13> configuration_names{
-    "paper",         "baseline",    "baseline-x", "no-ao",      "no-hash-sh", "no-hash-vd",
-    "no-multiscale", "coarse-only", "no-depth",   "no-normals", "smpl-init",  "pose-ao",
-    "light"};
+    "paper",       "baseline", "baseline-x", "no-ao",     "no-hash-sh", "no-hash-vd", "no-multiscale",
+    "coarse-only", "no-depth", "no-normals", "smpl-init", "pose-ao",    "light"};
 
 /// The configuration of a run for which none is chosen.
 inline constexpr std::string_view default_configuration = "light";
@@ -151,17 +151,28 @@ inline constexpr std::string_view default_configuration = "light";
         c.fill_unseen = false;
     };
     if (name == "paper") return c;
-    if (name == "baseline") make_baseline(), c.joints = JointSet::trunk_and_limbs;
-    else if (name == "baseline-x") make_baseline();
-    else if (name == "no-ao") c.avatar.ao = AmbientOcclusion::none;
-    else if (name == "no-hash-sh") c.avatar.hash_sh = false;
-    else if (name == "no-hash-vd") c.avatar.hash_displacement = false;
-    else if (name == "no-multiscale") c.fine_levels = FineLevels::everywhere;
-    else if (name == "coarse-only") c.fine_levels = FineLevels::none;
-    else if (name == "no-depth") c.depth_prior = false;
-    else if (name == "no-normals") c.normal_prior = false;
-    else if (name == "smpl-init") c.joints = JointSet::trunk_and_limbs, c.region_samples = false;
-    else if (name == "pose-ao") c.avatar.ao = AmbientOcclusion::pose;
+    if (name == "baseline")
+        make_baseline(), c.joints = JointSet::trunk_and_limbs;
+    else if (name == "baseline-x")
+        make_baseline();
+    else if (name == "no-ao")
+        c.avatar.ao = AmbientOcclusion::none;
+    else if (name == "no-hash-sh")
+        c.avatar.hash_sh = false;
+    else if (name == "no-hash-vd")
+        c.avatar.hash_displacement = false;
+    else if (name == "no-multiscale")
+        c.fine_levels = FineLevels::everywhere;
+    else if (name == "coarse-only")
+        c.fine_levels = FineLevels::none;
+    else if (name == "no-depth")
+        c.depth_prior = false;
+    else if (name == "no-normals")
+        c.normal_prior = false;
+    else if (name == "smpl-init")
+        c.joints = JointSet::trunk_and_limbs, c.region_samples = false;
+    else if (name == "pose-ao")
+        c.avatar.ao = AmbientOcclusion::pose;
     else if (name == "light") {
         c.avatar.light = true;
         c.avatar.model.sh_start = 0.3; // when gains have been found
@@ -179,7 +190,7 @@ inline constexpr std::string_view default_configuration = "light";
         c.avatar.model.quat_rate = 4e-3;
     } else {
         std::string message(where);
-        message.append(where.empty() ? "" : ": ").append("there is no configuration '").append(name);
+        message.append(where.empty() ? "" : ": ").append("there is no configuration '").append(detail::shortened(name));
         message.append("', expected one of ");
         for (const std::string_view known : configuration_names)
             message.append(known == configuration_names.front() ? "" : ", ").append(known);
