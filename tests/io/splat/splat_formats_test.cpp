@@ -49,7 +49,7 @@ TEST_CASE("the table has all formats, in the order of messages") {
 }
 
 TEST_CASE("the table has every function that reads or writes a file of Gaussians") {
-    static const std::regex reader("StillSplats (read_\\w+)\\(const std::filesystem::path& path\\b"),
+    static const std::regex reader("StillSplats (read_\\w+)\\(const InputFile& input\\b"),
         writer("(?:void|SplatLosses) (write_\\w+)\\(const std::filesystem::path& path, (?:const )?GaussianCloud<");
     const std::string table = read_file(root / "include/gsh/io/splat/splat_formats.hpp");
     std::size_t found = 0;
