@@ -4,6 +4,7 @@
 #include "common/input_files.hpp"
 
 #include <gsh/core/error.hpp>
+#include <gsh/reconstruct/any_training.hpp>
 #include <gsh/setup/configuration.hpp>
 #include <gsh/train/static_model.hpp>
 
