@@ -104,8 +104,11 @@ int main(int argc, char** argv) {
             if (const std::string earlier = checkpoint_words(checkpoint_path(options)); !earlier.empty())
                 restore_options(app, earlier, checkpoint_path(options).string(), {"--steps", "--seconds"});
         }
-        options.given = given_options(app, {"--help", "--out", "--resume"});
+        const bool by_time = options.gaussians == 0 && options.seconds > 0;
         check_options(options);
+        if (by_time) // a run that is resumed for longer keeps its Gaussians
+            app.get_option("--gaussians")->add_result(std::to_string(options.gaussians));
+        options.given = given_options(app, {"--help", "--out", "--resume"});
         return reconstruct(options);
     });
 }

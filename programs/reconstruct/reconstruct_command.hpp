@@ -70,7 +70,7 @@ inline void add_options(CLI::App& app, ReconstructOptions& o) {
                    "--synthetic 1000)")->check(above_zero());
     app.add_option("--seconds", o.seconds, "duration of training, instead of a number of steps")->check(above_zero());
     app.add_option("--gaussians", o.gaussians,
-                   "number of Gaussians for each person (default 170000; 60000 with --synthetic)")
+                   "number of Gaussians for each person (default 170000; 60000 with --synthetic; fewer for short --seconds)")
         ->check(CLI::Range(1, 100'000'000));
     app.add_option("--seed", o.seed, "seed of all random choices (default 0)")->check(not_negative());
     add_backend(app, o.machine);

@@ -66,6 +66,10 @@ std::string poses_text(const PeopleOptions& o);
 /// Errors  ValueError for options that exclude each other or have no effect.
 void check_options(ReconstructOptions& o);
 
+/// The number of Gaussians for each person where none is given: 170,000, or 60,000 with --synthetic, and fewer where a
+/// limit on the time is too short to teach so many on the CPU's threads.
+std::size_t default_gaussians(const ReconstructOptions& o);
+
 /// True for the configuration of a static scene.
 bool is_scene(const ReconstructOptions& o);
 
