@@ -3,6 +3,7 @@
 #pragma once
 
 #include <gsh/core/error.hpp>
+#include <gsh/io/file/exchange.hpp>
 #include <gsh/io/file/folder_lock.hpp>
 
 #include <filesystem>
@@ -15,8 +16,9 @@
 namespace gsh::programs {
 
 /// A folder for results. Files are written into its subfolder results.partial/. commit() moves them into place, in the
-/// order of the calls of file(). Without a commit they are removed, and so is the folder, if it was created here and is
-/// empty. Programs create it before their work begins: a second one is refused then (LockedFolder).
+/// order of the calls of file(), all or none (move_all). Without a commit they are removed, and so is the folder, if it
+/// was created here and is empty. Programs create it before their work begins: a second one is refused then
+/// (LockedFolder).
 /// Errors  IoError naming the path that cannot be created or moved, or the process that writes to the folder.
 class OutputFolder {
 public:
@@ -44,11 +46,9 @@ public:
 
     void commit() {
         for (const std::string& name : names_) make((folder_ / name).parent_path()); // before any file is moved
-        for (const std::string& name : names_) {
-            std::error_code error;
-            std::filesystem::rename(staging_ / name, folder_ / name, error);
-            if (error) throw IoError((folder_ / name).string() + ": cannot be written: " + error.message());
-        }
+        std::vector<FileMove> moves;
+        for (const std::string& name : names_) moves.push_back({staging_ / name, folder_ / name});
+        move_all(moves);
         for (const std::string& subfolder : owned_) remove_others(folder_ / subfolder);
         names_.clear();
     }

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <gsh/core/error.hpp>
+#include <gsh/io/file/disk_sync.hpp>
 #include <gsh/io/file/folder_lock.hpp>
 
 #include <fcntl.h>
@@ -49,7 +50,10 @@ public:
     void write(const void* data, std::size_t size);
     void write(std::string_view text) { write(text.data(), text.size()); }
     /// Makes the file appear. Without a commit, the destructor removes what was written.
-    void commit(Sync sync = Sync::disk);
+    ///
+    /// With a path `keep`, the file that is replaced is there afterwards; if it cannot be kept, it is replaced all the
+    /// same.
+    void commit(Sync sync = Sync::disk, const std::filesystem::path& keep = {});
 
     [[nodiscard]] const std::filesystem::path& path() const { return path_; }
     /// Bytes written so far.
@@ -68,6 +72,7 @@ private:
     void flush();
     void write_through(const char* data, std::size_t size);
     void abandon() noexcept;
+    void keep_replaced(const std::filesystem::path& keep) const noexcept;
     [[noreturn]] void fail(std::string_view deed, int error);
 };
 
@@ -92,10 +97,10 @@ inline AtomicFile::AtomicFile(std::filesystem::path path) : path_(std::move(path
     if (!direct) temporary_ = target_.string() + ".partial";
     bool free = true;
     if (direct)
-        descriptor_ = ::open(target_.c_str(), O_WRONLY | O_CLOEXEC);
+        descriptor_ = detail::open_again([&] { return ::open(target_.c_str(), O_WRONLY | O_CLOEXEC); });
     else
         free = detail::open_locked(temporary_, descriptor_);
-    if (descriptor_ >= 0 && free && (direct || ::ftruncate(descriptor_, 0) == 0)) return;
+    if (descriptor_ >= 0 && free && (direct || detail::empty_file(descriptor_))) return;
     const int code = errno;
     if (descriptor_ < 0 || !free) temporary_.clear(); // not a file that this object may remove
     if (!free) {
@@ -115,25 +120,22 @@ inline void AtomicFile::write(const void* data, std::size_t size) {
     size_ += size;
 }
 
-inline void AtomicFile::commit(Sync sync) {
+inline void AtomicFile::commit(Sync sync, const std::filesystem::path& keep) {
     flush();
-    if (sync == Sync::disk && !temporary_.empty() && ::fsync(descriptor_) != 0)
-        fail("cannot be synced to the disk", errno);
+    if (sync == Sync::disk && !temporary_.empty())
+        if (const int error = detail::sync_descriptor(descriptor_)) fail("cannot be synced to the disk", error);
     // Some file systems report errors of writing on closing. The file stays open, and locked, until it is in place.
-    if (const int copy = ::dup(descriptor_); copy < 0 || ::close(copy) != 0) fail("cannot be closed", errno);
+    // An interrupted close has closed the copy.
+    if (const int copy = ::dup(descriptor_); copy < 0 || (::close(copy) != 0 && errno != EINTR))
+        fail("cannot be closed", errno);
+    if (!keep.empty() && !temporary_.empty()) keep_replaced(keep);
     const bool renamed = temporary_.empty() || std::rename(temporary_.c_str(), target_.c_str()) == 0;
     if (!renamed) fail("cannot be renamed into place", errno);
     const bool direct = temporary_.empty();
     temporary_.clear();
     ::close(std::exchange(descriptor_, -1));
-    if (direct) return;
-    if (sync == Sync::none) return;
-    // The rename is stored in the directory, so that is synced too. Errors are ignored: some file systems cannot do it.
-    const auto folder = target_.has_parent_path() ? target_.parent_path() : std::filesystem::path(".");
-    if (const int directory = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC); directory >= 0) {
-        ::fsync(directory);
-        ::close(directory);
-    }
+    if (direct || sync == Sync::none) return;
+    sync_to_disk(folder_of(target_)); // which stores the rename
 }
 
 inline void AtomicFile::flush() {
@@ -155,6 +157,14 @@ inline void AtomicFile::abandon() noexcept {
     if (!temporary_.empty()) ::unlink(temporary_.c_str()); // while it is locked
     temporary_.clear();
     if (descriptor_ >= 0) ::close(std::exchange(descriptor_, -1));
+}
+
+inline void AtomicFile::keep_replaced(const std::filesystem::path& keep) const noexcept {
+    struct stat found{};
+    if (::stat(target_.c_str(), &found) != 0) return;
+    ::unlink(keep.c_str());
+    if (::link(target_.c_str(), keep.c_str()) != 0) // as on file systems without hard links
+        (void)!std::rename(target_.c_str(), keep.c_str());
 }
 
 inline void AtomicFile::fail(std::string_view deed, int error) {

@@ -3,20 +3,22 @@
 #pragma once
 
 #include <gsh/core/error.hpp>
+#include <gsh/io/file/disk_sync.hpp>
+#include <gsh/io/file/exchange.hpp>
 #include <gsh/io/file/folder_lock.hpp>
 
 #include <filesystem>
 #include <functional>
-#include <optional>
 #include <string>
 #include <system_error>
 #include <utility>
 
 namespace gsh {
 
-/// Collects files in a folder beside the target (`NAME.partial`). On commit it takes the place of `NAME`, which is
-/// `NAME.old` for a moment. Without a commit it is removed, and a folder that was there stays as it is. `NAME.lock` is
-/// there meanwhile (FileLock): of two processes, the second is refused.
+/// Collects files in a folder beside the target (`NAME.partial`). On commit it takes the place of `NAME` in one step; on
+/// a file system that cannot exchange two names, `NAME` is `NAME.old` for a moment. All files are on the disk before.
+/// Without a commit it is removed, and a folder that was there stays as it is. `NAME.lock` is there meanwhile
+/// (FileLock): of two processes, the second is refused.
 ///
 /// Errors  IoError naming the path. A folder with one of these three names that is in the way is removed only if all of
 ///         its entries are files that `may_replace` accepts, so that nobody loses other files.
@@ -24,9 +26,8 @@ class AtomicFolder {
 public:
     AtomicFolder(std::filesystem::path folder, std::function<bool(const std::string& name)> may_replace)
         : folder_(without_slash(std::move(folder))), staging_(folder_.string() + ".partial"),
-          old_(folder_.string() + ".old"), may_replace_(std::move(may_replace)) {
-        make_parent();
-        lock_.emplace(folder_.string() + ".lock", folder_.string());
+          old_(folder_.string() + ".old"), may_replace_(std::move(may_replace)), parents_(folder_of(folder_)),
+          lock_(folder_.string() + ".lock", folder_.string()) {
         for (const auto& path : {folder_, staging_, old_}) check_replaceable(path);
         std::error_code error;
         std::filesystem::remove_all(staging_, error); // left by a run that was killed
@@ -37,7 +38,7 @@ public:
     AtomicFolder& operator=(const AtomicFolder&) = delete;
     ~AtomicFolder() {
         std::error_code ignored;
-        if (!committed_) std::filesystem::remove_all(staging_, ignored);
+        std::filesystem::remove_all(staging_, ignored);
     }
 
     /// The path to which the file `name` must be written.
@@ -47,24 +48,26 @@ public:
     void commit() {
         for (const auto& path : {folder_, old_}) check_replaceable(path); // files may have come since the constructor
         std::error_code error, ignored;
+        for (std::filesystem::directory_iterator entry(staging_, error), end; !error && entry != end;
+             entry.increment(error))
+            sync_to_disk(entry->path());
+        if (error) throw IoError(staging_.string() + ": cannot be listed: " + error.message());
+        sync_to_disk(staging_);
         std::filesystem::remove_all(old_, ignored);
         const bool replaces = std::filesystem::exists(folder_, ignored);
-        if (replaces) std::filesystem::rename(folder_, old_, error);
-        if (!error) std::filesystem::rename(staging_, folder_, error);
-        if (error) {
-            if (replaces) std::filesystem::rename(old_, folder_, ignored);
-            throw IoError(folder_.string() + ": cannot be written: " + error.message());
+        if (!replaces || !detail::exchange_names(staging_, folder_)) {
+            if (replaces) std::filesystem::rename(folder_, old_, error);
+            if (!error) std::filesystem::rename(staging_, folder_, error);
+            if (error) {
+                if (replaces) std::filesystem::rename(old_, folder_, ignored);
+                throw IoError(folder_.string() + ": cannot be written: " + error.message());
+            }
         }
-        committed_ = true;
-        std::filesystem::remove_all(old_, ignored);
+        sync_to_disk(folder_of(folder_));
+        for (const auto& path : {old_, staging_}) std::filesystem::remove_all(path, ignored);
     }
 
 private:
-    void make_parent() const {
-        std::error_code error;
-        if (folder_.has_parent_path()) std::filesystem::create_directories(folder_.parent_path(), error);
-        if (error) throw IoError(staging_.string() + ": cannot be created: " + error.message());
-    }
     static std::filesystem::path without_slash(std::filesystem::path path) {
         return path.has_filename() ? path : path.parent_path();
     }
@@ -89,8 +92,8 @@ private:
 
     std::filesystem::path folder_, staging_, old_;
     std::function<bool(const std::string& name)> may_replace_;
-    bool committed_ = false;
-    std::optional<FileLock> lock_;
+    CreatedFolders parents_;
+    FileLock lock_;
 };
 
 } // namespace gsh
