@@ -271,6 +271,19 @@ def check(capture: PathLike, body: Optional[PathLike] = None, out: Optional[Path
         return _json(Path(folder, "check.json"))
 
 
+def _convert(program: str, name: str, source: PathLike, option: str, to: PathLike, other_name: str,
+             other: Optional[PathLike], options: dict[str, Any], progress: Optional[Progress]) -> Path:
+    """Runs a program that writes one file from another one, and from a second one if it is given."""
+    where = {"export": "gsh.export", "motion": "gsh.retarget"}[program]
+    _check_progress(where, progress)
+    target = _path(where, "to", to)
+    words = [_path(where, name, source), f"--{option}={target}"]
+    if other is not None:
+        words.append(f"--{other_name}={_path(where, other_name, other)}")
+    _run(program, words + _option_words(where, options), progress)
+    return Path(target)
+
+
 def export(source: PathLike, to: PathLike, *, poses: Optional[PathLike] = None, frame: Optional[int] = None,
            frames: Optional[str] = None, threads: Optional[int] = None, progress: Optional[Progress] = None,
            **options: Any) -> Path:
@@ -298,15 +311,8 @@ def export(source: PathLike, to: PathLike, *, poses: Optional[PathLike] = None, 
     ------
     as ``reconstruct``.
     """
-    where = "gsh.export"
-    _check_progress(where, progress)
-    target = _path(where, "to", to)
-    words = [_path(where, "source", source), f"--to={target}"]
-    if poses is not None:
-        words.append(f"--poses={_path(where, 'poses', poses)}")
-    words += _option_words(where, dict(frame=frame, frames=frames, threads=threads, **options))
-    _run("export", words, progress)
-    return Path(target)
+    return _convert("export", "source", source, "to", to, "poses", poses,
+                    dict(frame=frame, frames=frames, threads=threads, **options), progress)
 
 
 def retarget(motion: PathLike, to: PathLike, body: Optional[PathLike] = None, *, fps: Optional[float] = None,
@@ -338,12 +344,5 @@ def retarget(motion: PathLike, to: PathLike, body: Optional[PathLike] = None, *,
     ------
     as ``reconstruct``.
     """
-    where = "gsh.retarget"
-    _check_progress(where, progress)
-    target = _path(where, "to", to)
-    words = [_path(where, "motion", motion), f"--out={target}"]
-    if body is not None:
-        words.append(f"--body={_path(where, 'body', body)}")
-    words += _option_words(where, dict(fps=fps, input_fps=input_fps, **options))
-    _run("motion", words, progress)
-    return Path(target)
+    return _convert("motion", "motion", motion, "out", to, "body", body,
+                    dict(fps=fps, input_fps=input_fps, **options), progress)

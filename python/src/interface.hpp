@@ -15,6 +15,7 @@ enum Status : int {
     bad_value = 1, ///< an argument is wrong
     failed = 2,    ///< anything else
     out_of_memory = 3,
+    file_failed = 4, ///< a file is missing, damaged or of another kind
 };
 
 /// Sizes of a call. Arrays are contiguous, of float (scalar_bytes 4) or double (8); null pointers are skipped.

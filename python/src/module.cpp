@@ -6,6 +6,7 @@
 
 #include "posing_module.hpp"
 #include "interface.hpp"
+#include "library_call.hpp"
 
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
@@ -27,28 +28,6 @@ using Array = nb::ndarray<nb::device::cpu>;
 using Optional = std::optional<Array>;
 
 const Api& api() { return *gsh_python_api(); }
-
-/// Throws what a status stands for.
-void check(int status) {
-    if (status == done) return;
-    if (status == bad_value) throw nb::value_error(api().last_error());
-    if (status == out_of_memory) {
-        PyErr_SetString(PyExc_MemoryError, api().last_error());
-        throw nb::python_error();
-    }
-    PyErr_SetString(PyExc_RuntimeError, api().last_error());
-    throw nb::python_error();
-}
-
-template <class Call>
-void run(const Call& call) {
-    int status;
-    {
-        const nb::gil_scoped_release release;
-        status = call();
-    }
-    check(status);
-}
 
 using Shape = std::initializer_list<std::int64_t>;
 

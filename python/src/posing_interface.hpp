@@ -9,7 +9,6 @@
 
 namespace gsh_python {
 
-inline constexpr int file_failed = 4; ///< a further Status: a file is missing, damaged or of another kind
 
 struct AvatarHandle;
 struct MotionHandle;

@@ -4,6 +4,7 @@
 
 #include "posing_module.hpp"
 
+#include "library_call.hpp"
 #include "posing_interface.hpp"
 
 #include <nanobind/ndarray.h>
@@ -27,28 +28,6 @@ constexpr const char *avatar_name = "gsh.posing.avatar", *motion_name = "gsh.pos
                      *splats_name = "gsh.posing.splats";
 
 const PosingApi& api() { return *gsh_python_posing_api(); }
-
-[[noreturn]] void raise(PyObject* type, const std::string& message) {
-    PyErr_SetString(type, message.c_str());
-    throw nb::python_error();
-}
-
-/// Runs call() without the GIL, and throws what its status stands for.
-template <class Call>
-void run(const Call& call) {
-    int status;
-    {
-        const nb::gil_scoped_release release;
-        status = call();
-    }
-    if (status == done) return;
-    const char* const text = gsh_python_api()->last_error();
-    raise(status == bad_value       ? PyExc_ValueError
-          : status == file_failed   ? PyExc_OSError
-          : status == out_of_memory ? PyExc_MemoryError
-                                    : PyExc_RuntimeError,
-          text);
-}
 
 /// Numbers that a user passed, as rows of doubles.
 struct Numbers {
