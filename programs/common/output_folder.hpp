@@ -4,11 +4,13 @@
 
 #include <gsh/core/error.hpp>
 #include <gsh/io/file/exchange.hpp>
+#include <gsh/io/file/folder_entries.hpp>
 #include <gsh/io/file/folder_lock.hpp>
 
 #include <filesystem>
 #include <set>
 #include <string>
+#include <string_view>
 #include <system_error>
 #include <utility>
 #include <vector>
@@ -24,15 +26,11 @@ class OutputFolder {
 public:
     explicit OutputFolder(std::filesystem::path folder)
         : locked_(std::move(folder)), folder_(locked_.path()), staging_(folder_ / "results.partial") {
-        std::error_code ignored;
-        std::filesystem::remove_all(staging_, ignored); // left by a run that was killed
+        gsh::detail::remove_tree(staging_); // left by a run that was killed
     }
     OutputFolder(const OutputFolder&) = delete;
     OutputFolder& operator=(const OutputFolder&) = delete;
-    ~OutputFolder() {
-        std::error_code ignored;
-        std::filesystem::remove_all(staging_, ignored);
-    }
+    ~OutputFolder() { gsh::detail::remove_tree(staging_); }
 
     /// The path to which the result `name` must be written. The name may contain a subfolder.
     [[nodiscard]] std::filesystem::path file(const std::string& name) {
@@ -58,9 +56,11 @@ private:
         std::set<std::filesystem::path> kept;
         for (const std::string& name : names_) kept.insert(folder_ / name);
         std::vector<std::filesystem::path> others;
+        (void)gsh::detail::for_each_name(subfolder, [&](std::string_view name) {
+            const std::filesystem::path path = subfolder / name;
+            if (path.extension() == ".png" && !kept.contains(path)) others.push_back(path);
+        });
         std::error_code ignored;
-        for (const auto& entry : std::filesystem::directory_iterator(subfolder, ignored))
-            if (entry.path().extension() == ".png" && !kept.contains(entry.path())) others.push_back(entry.path());
         for (const auto& path : others) std::filesystem::remove(path, ignored);
     }
     static void make(const std::filesystem::path& folder) {

@@ -258,6 +258,11 @@ bool Evaluator::evaluate_scene(const Run& run, EvaluationFolder& folder, const s
     return true;
 }
 
+void Evaluator::discard_rest(const Run& run) {
+    const OutputFolder out(run.options.out); // which removes results that were not moved into place
+    discard_progress(run);
+}
+
 bool Evaluator::evaluate(const Run& run, EvaluationFolder& folder, const std::string& title) {
     malloc_trim(0); // so that memory released by an earlier run is not counted for this one
     return run.scene ? evaluate_scene(run, folder, title) : evaluate_avatar(run, folder, title);

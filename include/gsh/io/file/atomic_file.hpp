@@ -4,6 +4,7 @@
 
 #include <gsh/core/error.hpp>
 #include <gsh/io/file/disk_sync.hpp>
+#include <gsh/io/file/exchange.hpp>
 #include <gsh/io/file/folder_lock.hpp>
 
 #include <fcntl.h>
@@ -15,6 +16,7 @@
 #include <cstddef>
 #include <cstdio>
 #include <filesystem>
+#include <initializer_list>
 #include <memory>
 #include <string>
 #include <string_view>
@@ -54,6 +56,8 @@ public:
     /// With a path `keep`, the file that is replaced is there afterwards; if it cannot be kept, it is replaced all the
     /// same.
     void commit(Sync sync = Sync::disk, const std::filesystem::path& keep = {});
+    /// Makes several files appear, all or none (move_all).
+    static void commit_all(std::initializer_list<AtomicFile*> files);
 
     [[nodiscard]] const std::filesystem::path& path() const { return path_; }
     /// Bytes written so far.
@@ -70,6 +74,7 @@ private:
     static constexpr std::size_t pending_limit = 1 << 16;
 
     void flush();
+    void finish(Sync sync);
     void write_through(const char* data, std::size_t size);
     void abandon() noexcept;
     void keep_replaced(const std::filesystem::path& keep) const noexcept;
@@ -120,7 +125,8 @@ inline void AtomicFile::write(const void* data, std::size_t size) {
     size_ += size;
 }
 
-inline void AtomicFile::commit(Sync sync, const std::filesystem::path& keep) {
+/// Writes all that is to be written, and waits for the disk.
+inline void AtomicFile::finish(Sync sync) {
     flush();
     if (sync == Sync::disk && !temporary_.empty())
         if (const int error = detail::sync_descriptor(descriptor_)) fail("cannot be synced to the disk", error);
@@ -128,6 +134,11 @@ inline void AtomicFile::commit(Sync sync, const std::filesystem::path& keep) {
     // An interrupted close has closed the copy.
     if (const int copy = ::dup(descriptor_); copy < 0 || (::close(copy) != 0 && errno != EINTR))
         fail("cannot be closed", errno);
+}
+
+inline void AtomicFile::commit(Sync sync, const std::filesystem::path& keep) {
+    finish(sync);
+    const std::filesystem::path folder = folder_of(target_); // before the rename, after which nothing may fail
     if (!keep.empty() && !temporary_.empty()) keep_replaced(keep);
     const bool renamed = temporary_.empty() || std::rename(temporary_.c_str(), target_.c_str()) == 0;
     if (!renamed) fail("cannot be renamed into place", errno);
@@ -135,7 +146,17 @@ inline void AtomicFile::commit(Sync sync, const std::filesystem::path& keep) {
     temporary_.clear();
     ::close(std::exchange(descriptor_, -1));
     if (direct || sync == Sync::none) return;
-    sync_to_disk(folder_of(target_)); // which stores the rename
+    sync_to_disk(folder); // which stores the rename
+}
+
+inline void AtomicFile::commit_all(std::initializer_list<AtomicFile*> files) {
+    std::vector<FileMove> moves;
+    for (AtomicFile* const file : files) {
+        file->finish(Sync::disk);
+        if (!file->temporary_.empty()) moves.push_back({file->temporary_, file->target_});
+    }
+    move_all(moves);
+    for (AtomicFile* const file : files) file->abandon(); // removes what was replaced
 }
 
 inline void AtomicFile::flush() {

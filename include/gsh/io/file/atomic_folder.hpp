@@ -5,18 +5,20 @@
 #include <gsh/core/error.hpp>
 #include <gsh/io/file/disk_sync.hpp>
 #include <gsh/io/file/exchange.hpp>
+#include <gsh/io/file/folder_entries.hpp>
 #include <gsh/io/file/folder_lock.hpp>
 
 #include <filesystem>
 #include <functional>
 #include <string>
+#include <string_view>
 #include <system_error>
 #include <utility>
 
 namespace gsh {
 
-/// Collects files in a folder beside the target (`NAME.partial`). On commit it takes the place of `NAME` in one step; on
-/// a file system that cannot exchange two names, `NAME` is `NAME.old` for a moment. All files are on the disk before.
+/// Collects files in a folder beside the target (`NAME.partial`). On commit it takes the place of `NAME` in one step.
+/// Where the file system cannot exchange two names, `NAME` is `NAME.old` for a moment. All files are on the disk before.
 /// Without a commit it is removed, and a folder that was there stays as it is. `NAME.lock` is there meanwhile
 /// (FileLock): of two processes, the second is refused.
 ///
@@ -30,16 +32,13 @@ public:
           lock_(folder_.string() + ".lock", folder_.string()) {
         for (const auto& path : {folder_, staging_, old_}) check_replaceable(path);
         std::error_code error;
-        std::filesystem::remove_all(staging_, error); // left by a run that was killed
+        detail::remove_tree(staging_); // left by a run that was killed
         std::filesystem::create_directories(staging_, error);
         if (error) throw IoError(staging_.string() + ": cannot be created: " + error.message());
     }
     AtomicFolder(const AtomicFolder&) = delete;
     AtomicFolder& operator=(const AtomicFolder&) = delete;
-    ~AtomicFolder() {
-        std::error_code ignored;
-        std::filesystem::remove_all(staging_, ignored);
-    }
+    ~AtomicFolder() { detail::remove_tree(staging_); }
 
     /// The path to which the file `name` must be written.
     [[nodiscard]] std::filesystem::path file(const std::string& name) const { return staging_ / name; }
@@ -48,12 +47,12 @@ public:
     void commit() {
         for (const auto& path : {folder_, old_}) check_replaceable(path); // files may have come since the constructor
         std::error_code error, ignored;
-        for (std::filesystem::directory_iterator entry(staging_, error), end; !error && entry != end;
-             entry.increment(error))
-            sync_to_disk(entry->path());
-        if (error) throw IoError(staging_.string() + ": cannot be listed: " + error.message());
+        if (const int failed =
+                detail::for_each_name(staging_, [&](std::string_view name) { sync_to_disk(staging_ / name); }))
+            throw IoError(staging_.string() + ": cannot be listed: " + std::generic_category().message(failed));
         sync_to_disk(staging_);
-        std::filesystem::remove_all(old_, ignored);
+        detail::remove_tree(old_);
+        const std::filesystem::path parent = folder_of(folder_); // before the rename, after which nothing may fail
         const bool replaces = std::filesystem::exists(folder_, ignored);
         if (!replaces || !detail::exchange_names(staging_, folder_)) {
             if (replaces) std::filesystem::rename(folder_, old_, error);
@@ -63,8 +62,9 @@ public:
                 throw IoError(folder_.string() + ": cannot be written: " + error.message());
             }
         }
-        sync_to_disk(folder_of(folder_));
-        for (const auto& path : {old_, staging_}) std::filesystem::remove_all(path, ignored);
+        sync_to_disk(parent);
+        detail::remove_tree(old_);
+        detail::remove_tree(staging_);
     }
 
 private:
@@ -77,17 +77,17 @@ private:
         std::error_code error;
         if (!std::filesystem::exists(folder, error)) return;
         if (!std::filesystem::is_directory(folder, error)) throw IoError(folder.string() + ": a file is in the way");
-        for (std::filesystem::directory_iterator entry(folder, error), end; !error && entry != end;
-             entry.increment(error)) {
-            const std::string name = entry->path().filename().string();
+        const int failed = detail::for_each_name(folder, [&](std::string_view entry) {
+            const std::string name(entry);
             std::string written = name;
             if (written.ends_with(".partial")) written.resize(written.size() - 8); // of an AtomicFile
             std::error_code unknown;
-            if (!entry->is_regular_file(unknown) || !may_replace_(written))
+            if (!std::filesystem::is_regular_file(folder / name, unknown) || !may_replace_(written))
                 throw IoError(folder.string() + ": holds " + name +
                               ", which this program did not write; name another folder");
-        }
-        if (error) throw IoError(folder.string() + ": cannot be listed: " + error.message());
+        });
+        if (failed)
+            throw IoError(folder.string() + ": cannot be listed: " + std::generic_category().message(failed));
     }
 
     std::filesystem::path folder_, staging_, old_;

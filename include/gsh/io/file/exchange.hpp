@@ -65,8 +65,8 @@ inline void move_all(const std::vector<FileMove>& moves) {
     };
     for (const FileMove& move : moves) {
         std::error_code error;
-        const auto there = std::filesystem::symlink_status(move.to, error).type();
-        const bool is_file = there == std::filesystem::file_type::regular || there == std::filesystem::file_type::symlink;
+        const auto there = std::filesystem::symlink_status(move.to, error);
+        const bool is_file = std::filesystem::is_regular_file(there) || std::filesystem::is_symlink(there);
         const bool exchange = is_file && detail::exchange_names(move.from, move.to);
         error.clear();
         if (!exchange) std::filesystem::rename(move.from, move.to, error);
