@@ -96,8 +96,9 @@ Exhausted exhaust(const std::string& what, const Prepare& prepare, const Call& c
         if (lost != 0) FAIL_CHECK(what << ": a call keeps " << lost << " blocks");
     }
     for (const std::size_t n : detail::chosen_failures(sum.allocations, Thoroughness::of_environment(usual))) {
-        const std::ptrdiff_t before = allocations::live();
         std::string problem;
+        problem.reserve(1000); // one block, also while it grows
+        const std::ptrdiff_t before = allocations::live();
         {
             auto object = prepare();
             bool same = true, returned = false;

@@ -150,8 +150,7 @@ TEST_CASE("killed at random moments, programs go on and end with the same bytes"
 TEST_CASE("a damaged checkpoint is named, and the one before it is used") {
     const test::SmallCapture& s = test::studio();
     const test::Temporary folder;
-    const fs::path whole = folder / "whole", out = folder / "out";
-    test::check_done(test::run(s.reconstruct(whole, {"--steps", "12"})));
+    const fs::path out = folder / "out";
     {
         test::Process process(s.reconstruct(out, {"--steps", "100000", "--checkpoint-interval", "1e-9"}));
         REQUIRE(process.wait_until([&] { return fs::exists(out / "checkpoint.before.gsh"); }));
@@ -162,8 +161,7 @@ TEST_CASE("a damaged checkpoint is named, and the one before it is used") {
     std::string bytes = read_file(out / "checkpoint.gsh");
     bytes[bytes.size() / 2] ^= 1;
     write_file(out / "checkpoint.gsh", bytes);
-    const test::Outcome resumed =
-        test::run({"gsh-reconstruct", "--out", out.string(), "--resume", "--steps", "100001", "--seconds", "0.01"});
+    const test::Outcome resumed = test::run({"gsh-reconstruct", "--out", out.string(), "--resume", "--steps", "1"});
     INFO(resumed.err);
     CHECK(resumed.code == 0);
     CHECK(resumed.err == test::contains("checkpoint.gsh: "));

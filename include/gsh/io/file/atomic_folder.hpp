@@ -18,7 +18,7 @@
 namespace gsh {
 
 /// Collects files in a folder beside the target (`NAME.partial`). On commit it takes the place of `NAME` in one step.
-/// Where the file system cannot exchange two names, `NAME` is `NAME.old` for a moment. All files are on the disk before.
+/// Where the file system cannot exchange two names, `NAME` is `NAME.old` for a moment. All files are on disk before.
 /// Without a commit it is removed, and a folder that was there stays as it is. `NAME.lock` is there meanwhile
 /// (FileLock): of two processes, the second is refused.
 ///
