@@ -94,6 +94,7 @@ int evaluate(const EvaluateOptions& o) {
     for (std::size_t i = 0; i < runs.size(); ++i) {
         const Run& run = runs[i];
         if (folder.has(run)) {
+            Evaluator::discard_rest(run);
             std::printf("%s: is finished already\n", run.name.c_str());
             continue;
         }

@@ -24,7 +24,9 @@
 #include <gsh/reconstruct/resume.hpp>
 
 #include <cstdio>
+#include <filesystem>
 #include <string>
+#include <system_error>
 #include <utility>
 
 using namespace gsh;
@@ -48,7 +50,8 @@ int reconstruct_scene(Machine& machine, OutputFolder& out, const ReconstructOpti
     return exit_done;
 }
 
-int reconstruct(const ReconstructOptions& options) {
+/// `checkpoint` is the one to go on from, with --resume.
+int reconstruct(const ReconstructOptions& options, const std::filesystem::path& checkpoint) {
     Machine machine(options.machine);
     OutputFolder out(options.out);
     if (is_scene(options)) return reconstruct_scene(machine, out, options);
@@ -56,14 +59,14 @@ int reconstruct(const ReconstructOptions& options) {
     const Recipe recipe = recipe_for(options, input);
     (void)lpips_of(options); // reports errors in the file before training
     if (options.resume)
-        check_checkpoint(checkpoint_path(options), run_text(input, recipe), resume_advice); // before work is done
+        check_checkpoint(checkpoint, run_text(input, recipe), resume_advice); // before work is done
     if (recipe.refine && recipe.registration) register_shown(machine, input, recipe);
     ReconstructionSetup made = make_setup(machine, input, recipe);
     take_photographs(made, input.capture);
     const auto reconstruction = make_reconstruction(machine, std::move(made));
     const ReconstructionSetup& setup = reconstruction->setup;
     TrainingRecord record;
-    if (options.resume) record = load_checkpoint(checkpoint_path(options), *reconstruction, resume_advice);
+    if (options.resume) record = load_checkpoint(checkpoint, *reconstruction, resume_advice);
     for (const std::string& warning : input.warnings) warn(warning);
     for (const std::string& warning : setup.warnings) warn(warning);
     if (input.people.size() > 1) std::printf("%zu people, ", input.people.size());
@@ -82,6 +85,8 @@ int reconstruct(const ReconstructOptions& options) {
                      static_cast<unsigned long long>(record.steps));
         return exit_interrupted;
     }
+    std::error_code ignored;
+    std::filesystem::remove(checkpoint_before(checkpoint_path(options)), ignored); // the last one has come to its end
     const ImageScore& mean = figures->mean;
     std::printf("%llu steps in %.1f s: PSNR %s dB, SSIM %s, PSNR on the person %s dB\n",
                 static_cast<unsigned long long>(record.steps), record.seconds, fixed(mean.psnr, 2).c_str(),
@@ -99,16 +104,20 @@ int main(int argc, char** argv) {
     CLI::App app("Reconstructs an animatable avatar from a capture.", "gsh-reconstruct");
     add_options(app, options);
     return run_program(app, argc, argv, [&] {
+        std::filesystem::path checkpoint;
         if (options.resume && !is_scene(options)) { // check_options refuses that
             check_resumable(options);
-            if (const std::string earlier = checkpoint_words(checkpoint_path(options)); !earlier.empty())
-                restore_options(app, earlier, checkpoint_path(options).string(), {"--steps", "--seconds"});
+            std::string damage;
+            checkpoint = whole_checkpoint(checkpoint_path(options), damage);
+            if (!damage.empty()) warn(damage);
+            if (const std::string earlier = checkpoint_words(checkpoint); !earlier.empty())
+                restore_options(app, earlier, checkpoint.string(), {"--steps", "--seconds"});
         }
         const bool by_time = options.gaussians == 0 && options.seconds > 0;
         check_options(options);
         if (by_time) // a run that is resumed for longer keeps its Gaussians
             app.get_option("--gaussians")->add_result(std::to_string(options.gaussians));
         options.given = given_options(app, {"--help", "--out", "--resume"});
-        return reconstruct(options);
+        return reconstruct(options, checkpoint);
     });
 }

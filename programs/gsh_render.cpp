@@ -46,13 +46,13 @@ struct RenderOptions {
 };
 
 /// Writes the picture as rows of pixels, [height, width, 3], not rounded to bytes.
-void write_pixels(const std::filesystem::path& path, const Image<float>& image) {
+void write_pixels(AtomicFile& file, const Image<float>& image) {
     std::vector<float> pixels;
     pixels.reserve(image.data.size());
     for (int y = 0; y < image.height; ++y)
         for (int x = 0; x < image.width; ++x)
             for (int c = 0; c < 3; ++c) pixels.push_back(image.at(c, y, x));
-    write_npy<float>(path, pixels, {static_cast<std::size_t>(image.height), static_cast<std::size_t>(image.width), 3});
+    write_npy<float>(file, pixels, {static_cast<std::size_t>(image.height), static_cast<std::size_t>(image.width), 3});
 }
 
 /// True if a picture shows nothing but the background.
@@ -114,10 +114,15 @@ int render(const RenderOptions& options) {
                                      : show_scene(splats_of_file(options.scenes[0], options.input_up, options.time));
     if (is_empty(picture, background))
         warn(options.camera.string() + ": sees nothing of the scene; the camera looks along +z, and x_cam = R x + t");
-    AtomicFile png(options.out); // both files are written or none
+    AtomicFile png(options.out);
     png.write(encode_png(quantise(picture.view())));
-    if (!options.npy.empty()) write_pixels(options.npy, picture);
-    png.commit(Sync::none);
+    if (options.npy.empty()) {
+        png.commit();
+        return exit_done;
+    }
+    AtomicFile npy(options.npy);
+    write_pixels(npy, picture);
+    AtomicFile::commit_all({&png, &npy});
     return exit_done;
 }
 

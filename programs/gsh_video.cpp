@@ -15,6 +15,7 @@
 
 #include <gsh/io/file/atomic_file.hpp>
 #include <gsh/io/file/input_file.hpp>
+#include <gsh/reconstruct/resume.hpp>
 
 #include <algorithm>
 #include <cstddef>
@@ -114,10 +115,10 @@ int make(VideoOptions options) {
         announce_stage("the avatar is complete");
     } else {
         const fs::path checkpoint = avatar / "checkpoint.gsh";
-        if (earlier == work && fs::exists(checkpoint, error)) {
+        if (earlier == work && has_checkpoint(checkpoint)) {
             reconstruct.push_back("--resume");
         } else {
-            fs::remove(checkpoint, error); // of other work, if this is stopped before it has one of its own
+            remove_checkpoints(checkpoint); // of other work, if this is stopped before it has one of its own
             write_file(record, work);
         }
         run_stage("reconstructing the avatar", reconstruct);

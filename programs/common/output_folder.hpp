@@ -3,11 +3,14 @@
 #pragma once
 
 #include <gsh/core/error.hpp>
+#include <gsh/io/file/exchange.hpp>
+#include <gsh/io/file/folder_entries.hpp>
 #include <gsh/io/file/folder_lock.hpp>
 
 #include <filesystem>
 #include <set>
 #include <string>
+#include <string_view>
 #include <system_error>
 #include <utility>
 #include <vector>
@@ -15,22 +18,19 @@
 namespace gsh::programs {
 
 /// A folder for results. Files are written into its subfolder results.partial/. commit() moves them into place, in the
-/// order of the calls of file(). Without a commit they are removed, and so is the folder, if it was created here and is
-/// empty. Programs create it before their work begins: a second one is refused then (LockedFolder).
+/// order of the calls of file(), all or none (move_all). Without a commit they are removed, and so is the folder, if it
+/// was created here and is empty. Programs create it before their work begins: a second one is refused then
+/// (LockedFolder).
 /// Errors  IoError naming the path that cannot be created or moved, or the process that writes to the folder.
 class OutputFolder {
 public:
     explicit OutputFolder(std::filesystem::path folder)
         : locked_(std::move(folder)), folder_(locked_.path()), staging_(folder_ / "results.partial") {
-        std::error_code ignored;
-        std::filesystem::remove_all(staging_, ignored); // left by a run that was killed
+        gsh::detail::remove_tree(staging_); // left by a run that was killed
     }
     OutputFolder(const OutputFolder&) = delete;
     OutputFolder& operator=(const OutputFolder&) = delete;
-    ~OutputFolder() {
-        std::error_code ignored;
-        std::filesystem::remove_all(staging_, ignored);
-    }
+    ~OutputFolder() { gsh::detail::remove_tree(staging_); }
 
     /// The path to which the result `name` must be written. The name may contain a subfolder.
     [[nodiscard]] std::filesystem::path file(const std::string& name) {
@@ -44,11 +44,9 @@ public:
 
     void commit() {
         for (const std::string& name : names_) make((folder_ / name).parent_path()); // before any file is moved
-        for (const std::string& name : names_) {
-            std::error_code error;
-            std::filesystem::rename(staging_ / name, folder_ / name, error);
-            if (error) throw IoError((folder_ / name).string() + ": cannot be written: " + error.message());
-        }
+        std::vector<FileMove> moves;
+        for (const std::string& name : names_) moves.push_back({staging_ / name, folder_ / name});
+        move_all(moves);
         for (const std::string& subfolder : owned_) remove_others(folder_ / subfolder);
         names_.clear();
     }
@@ -58,9 +56,11 @@ private:
         std::set<std::filesystem::path> kept;
         for (const std::string& name : names_) kept.insert(folder_ / name);
         std::vector<std::filesystem::path> others;
+        (void)gsh::detail::for_each_name(subfolder, [&](std::string_view name) {
+            const std::filesystem::path path = subfolder / name;
+            if (path.extension() == ".png" && !kept.contains(path)) others.push_back(path);
+        });
         std::error_code ignored;
-        for (const auto& entry : std::filesystem::directory_iterator(subfolder, ignored))
-            if (entry.path().extension() == ".png" && !kept.contains(entry.path())) others.push_back(entry.path());
         for (const auto& path : others) std::filesystem::remove(path, ignored);
     }
     static void make(const std::filesystem::path& folder) {

@@ -13,8 +13,10 @@
 #include <cstddef>
 #include <cstdio>
 #include <mutex>
+#include <new>
 #include <optional>
 #include <string>
+#include <system_error>
 #include <thread>
 #include <utility>
 
@@ -79,8 +81,13 @@ namespace gsh::programs {
 class Progress {
 public:
     explicit Progress(std::string title)
-        : title_(std::move(title)), terminal_(isatty(STDERR_FILENO) == 1), ticker_([this] { tick(); }) {
+        : title_(std::move(title)), terminal_(isatty(STDERR_FILENO) == 1) {
         send_report({"progress", title_, "", ""}, WhenFull::drop);
+        try {
+            ticker_ = std::thread([this] { tick(); }); // last: no destructor joins it after an error here
+        } catch (const std::system_error&) {
+            // The system has no more threads: the line appears when the job reports.
+        }
     }
     Progress(const Progress&) = delete;
     Progress& operator=(const Progress&) = delete;
@@ -125,7 +132,7 @@ private:
     Clock::time_point start_ = Clock::now(), first_ = start_, reported_ = start_, last_ = start_;
     std::mutex mutex_; // of all above
     std::condition_variable wake_;
-    std::thread ticker_; // last: it uses the others
+    std::thread ticker_; // last: it uses the others; or none
 
     static double seconds(Clock::duration duration) { return std::chrono::duration<double>(duration).count(); }
 
@@ -153,7 +160,11 @@ private:
         const auto pause = [&] { return terminal_ ? std::chrono::seconds(1) : fraction_ ? log_pause : silent_pause; };
         while (!finished_) {
             wake_.wait_until(lock, last_ + pause());
-            if (const auto now = Clock::now(); !finished_ && now - last_ >= pause()) print(now);
+            if (const auto now = Clock::now(); !finished_ && now - last_ >= pause()) try {
+                    print(now);
+                } catch (const std::bad_alloc&) { // the next line may have memory
+                    last_ = now;
+                }
         }
     }
 };

@@ -43,7 +43,7 @@ void write_progress(const Run& run, const std::vector<Mark>& marks) {
 void discard_progress(const Run& run) {
     std::error_code ignored;
     std::filesystem::remove(run.file("progress.json"), ignored);
-    std::filesystem::remove(checkpoint_path(run.options), ignored);
+    remove_checkpoints(checkpoint_path(run.options));
 }
 
 /// Writes the result and removes the checkpoint, because checkpoints are large.
@@ -58,7 +58,7 @@ void finish(const Run& run, OutputFolder& out, const RunResult& result) {
 /// Errors  ValueError if the checkpoint is past a mark at which the run was not evaluated.
 void resume(const Run& run, AnyReconstruction& reconstruction, TrainingRecord& record, std::vector<Mark>& marks) {
     std::error_code ignored;
-    if (std::filesystem::exists(checkpoint_path(run.options), ignored) &&
+    if (has_checkpoint(checkpoint_path(run.options)) &&
         std::filesystem::exists(run.file("progress.json"), ignored)) {
         const auto said = read_own_json(run.file("progress.json"), [](const Json& json) {
             std::vector<Mark> kept;
@@ -66,7 +66,10 @@ void resume(const Run& run, AnyReconstruction& reconstruction, TrainingRecord& r
             return std::pair(json.at("settings"), std::move(kept));
         });
         if (same_settings(said.first, run.settings)) {
-            record = load_checkpoint(checkpoint_path(run.options), reconstruction, resume_advice);
+            std::string damage;
+            const auto checkpoint = whole_checkpoint(checkpoint_path(run.options), damage);
+            if (!damage.empty()) warn(damage);
+            record = load_checkpoint(checkpoint, reconstruction, resume_advice);
             const bool passed = std::any_of(run.marks.begin(), run.marks.end(), [&](std::uint64_t steps) {
                 return steps < record.steps && std::none_of(
                                                    said.second.begin(), said.second.end(),
@@ -253,6 +256,11 @@ bool Evaluator::evaluate_scene(const Run& run, EvaluationFolder& folder, const s
     }
     finish(run, out, result);
     return true;
+}
+
+void Evaluator::discard_rest(const Run& run) {
+    const OutputFolder out(run.options.out); // which removes results that were not moved into place
+    discard_progress(run);
 }
 
 bool Evaluator::evaluate(const Run& run, EvaluationFolder& folder, const std::string& title) {

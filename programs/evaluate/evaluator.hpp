@@ -43,6 +43,9 @@ public:
     /// progress up to then is kept, except for `static`.
     bool evaluate(const Run& run, EvaluationFolder& folder, const std::string& title);
 
+    /// Removes what a call left that was killed after it had written the run's result: checkpoints, for instance.
+    static void discard_rest(const Run& run);
+
 private:
     bool evaluate_avatar(const Run& run, EvaluationFolder& folder, const std::string& title);
     bool evaluate_scene(const Run& run, EvaluationFolder& folder, const std::string& title);

@@ -64,8 +64,7 @@ std::filesystem::path checkpoint_path(const ReconstructOptions& o) {
 }
 
 void check_resumable(const ReconstructOptions& o) {
-    std::error_code ignored;
-    if (!std::filesystem::exists(checkpoint_path(o), ignored))
+    if (!has_checkpoint(checkpoint_path(o)))
         throw IoError(checkpoint_path(o).string() + ": there is nothing to resume; leave out --resume to begin");
 }
 

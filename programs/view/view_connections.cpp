@@ -280,7 +280,7 @@ bool GuardedServer::admit(Connection& connection) {
 }
 
 bool GuardedServer::process_and_close_socket(socket_t socket) {
-    {
+    try {
         Connection connection(socket, limits_);
         enter(connection);
         try {
@@ -288,6 +288,7 @@ bool GuardedServer::process_and_close_socket(socket_t socket) {
         } catch (...) { // without memory, for instance; the connection ends
         }
         leave(connection);
+    } catch (...) { // without memory for a connection
     }
     ::shutdown(socket, SHUT_RDWR);
     ::close(socket);
@@ -323,14 +324,21 @@ void GuardedServer::serve(Connection& connection) {
             working_ += head.has_key;
             connection.is_waiting = false;
         }
-        const bool alive = process_request(connection, !head.has_key, closed, nullptr);
-        {
+        const auto finish_request = [&] {
             const std::lock_guard lock(mutex_);
             working_ -= head.has_key;
             connection.is_waiting = true;
             changed_.notify_one();
-            if (stopping_) return;
+            return stopping_;
+        };
+        bool alive = false;
+        try {
+            alive = process_request(connection, !head.has_key, closed, nullptr);
+        } catch (...) { // without memory
+            (void)finish_request();
+            throw;
         }
+        if (finish_request()) return;
         if (!alive || closed || !head.has_key || connection.has_rest())
             return connection.close_gently(head.has_key ? limits_.body_bytes : rest);
     }
@@ -342,14 +350,15 @@ void ConnectionThreads::enqueue(std::function<void()> serve) {
         worker.thread.join();
         return true;
     });
-    Worker& worker = workers_.emplace_back();
+    const std::size_t before = workers_.size();
     try {
+        Worker& worker = workers_.emplace_back();
         worker.thread = std::thread([&worker, serve] {
             serve();
             worker.done = true;
         });
-    } catch (const std::system_error&) { // no more threads: the accepting one serves, which is bounded in time
-        workers_.pop_back();
+    } catch (...) { // no more threads, or no memory for one: the accepting thread serves, which is bounded in time
+        if (workers_.size() > before) workers_.pop_back();
         serve();
     }
 }

@@ -18,6 +18,7 @@
 
 #include <nlohmann/json.hpp>
 #include <stdlib.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <cctype>
@@ -136,16 +137,16 @@ public:
     SentFile(const std::string& name, const std::string& bytes) {
         std::string pattern = (fs::temp_directory_path() / "gsh-view-XXXXXX").string();
         if (mkdtemp(pattern.data()) == nullptr) throw IoError(pattern + ": cannot be created for the sent motion");
-        folder_ = pattern;
-        std::string ending;
-        for (const char c : fs::path(name).extension().string())
-            if (ending.size() < 8 && (c == '.' || std::isalnum(static_cast<unsigned char>(c))))
-                ending += static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
-        path_ = folder_ / ("motion" + ending);
         try {
+            folder_ = pattern;
+            std::string ending;
+            for (const char c : fs::path(name).extension().string())
+                if (ending.size() < 8 && (c == '.' || std::isalnum(static_cast<unsigned char>(c))))
+                    ending += static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+            path_ = folder_ / ("motion" + ending);
             write_file(path_, bytes, Sync::none);
         } catch (...) {
-            remove();
+            ::rmdir(pattern.c_str()); // write_file has removed its own
             throw;
         }
     }

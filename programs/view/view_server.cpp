@@ -170,17 +170,22 @@ public:
     }
 
     void run(const std::atomic<bool>& stop) {
-        std::atomic<bool> ended{false};
-        std::thread watch([&] {
-            while (!stop && !ended) std::this_thread::sleep_for(std::chrono::milliseconds(20));
-            while (!ended) { // stop() has no effect before the server runs
+        struct Watch {
+            std::atomic<bool> ended{false};
+            std::thread thread = {};
+            ~Watch() { // also after an error of the server
+                ended = true;
+                if (thread.joinable()) thread.join();
+            }
+        } watch;
+        watch.thread = std::thread([&] {
+            while (!stop && !watch.ended) std::this_thread::sleep_for(std::chrono::milliseconds(20));
+            while (!watch.ended) { // stop() has no effect before the server runs
                 server_.stop();
                 std::this_thread::sleep_for(std::chrono::milliseconds(20));
             }
         });
         server_.listen_after_bind();
-        ended = true;
-        watch.join();
     }
 
     [[nodiscard]] int port() const { return port_; }

@@ -7,6 +7,8 @@
 
 #include <doctest/doctest.h>
 
+#include <gsh/io/file/input_file.hpp>
+
 #include <fcntl.h>
 #include <signal.h>
 #include <spawn.h>

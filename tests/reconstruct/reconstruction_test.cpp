@@ -143,6 +143,30 @@ TEST_CASE("a training that was stopped, or goes on from a checkpoint, ends with 
                          ValueError);
     CHECK_THROWS_WITH_AS((void)load_checkpoint(folder / "none.gsh", later), doctest::Contains("there is no checkpoint"),
                          IoError);
+
+    // If the last checkpoint is damaged or gone, the one before it is used.
+    save_checkpoint(path, later, of_later);
+    const auto before = checkpoint_before(path);
+    CHECK(before == folder / "checkpoint.before.gsh");
+    std::string damage = "of an earlier call";
+    CHECK(whole_checkpoint(path, damage) == path);
+    CHECK(damage.empty());
+    test::truncate_file(path, 1000);
+    CHECK(whole_checkpoint(path, damage) == before);
+    CHECK(damage == test::contains("checkpoint.gsh"));
+    CHECK(damage == test::contains("checkpoint.before.gsh"));
+    Threads once_more(backend, small_input(), recipe);
+    TrainingRecord of_before = load_checkpoint(before, once_more);
+    CHECK(of_before.steps == 2);
+    train(once_more, recipe.length(), of_before);
+    check_same(whole, once_more);
+    std::filesystem::remove(path);
+    CHECK(has_checkpoint(path));
+    CHECK(whole_checkpoint(path, damage) == before);
+    test::truncate_file(before, 1000);
+    CHECK_THROWS_WITH_AS((void)whole_checkpoint(path, damage), doctest::Contains("there is no checkpoint"), IoError);
+    remove_checkpoints(path);
+    CHECK(!has_checkpoint(path));
 }
 
 TEST_CASE("two people on a backend whose memory the host cannot access have the bits of the threads") {

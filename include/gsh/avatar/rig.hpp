@@ -230,7 +230,14 @@ public:
     }
 
     /// Computes what depends on the pose alone, so that forward does not. For poses that are used more than once.
-    void prepare(RigPose<B, T>& pose) const { compute(pose, pose.prepared); }
+    void prepare(RigPose<B, T>& pose) const {
+        try {
+            compute(pose, pose.prepared);
+        } catch (...) { // what is prepared in part must not be taken for a prepared pose
+            pose.prepared = {};
+            throw;
+        }
+    }
     /// The memory of a PreparedPose.
     [[nodiscard]] std::size_t prepared_bytes() const {
         return sizeof(mat3<T>) * joint_count_ + sizeof(T) * (coefficient_count() + feature_count_) +

@@ -22,9 +22,26 @@
 namespace gsh {
 
 /// Writes a checkpoint: the state of the training, its record, and `words` of the caller, which checkpoint_words
-/// returns. The file is complete or not there at all.
+/// returns. The file is complete or not there at all. The checkpoint that it replaces is kept at
+/// checkpoint_before(path).
 inline void save_checkpoint(const std::filesystem::path& path, AnyReconstruction& reconstruction,
                             const TrainingRecord& record, const std::string& words = {});
+
+/// Where the checkpoint before the last one is: checkpoint.before.gsh beside checkpoint.gsh.
+[[nodiscard]] inline std::filesystem::path checkpoint_before(const std::filesystem::path& path) {
+    return path.parent_path() / (path.stem().string() + ".before" + path.extension().string());
+}
+
+/// Whether there is a checkpoint at `path`, or the one before it.
+[[nodiscard]] inline bool has_checkpoint(const std::filesystem::path& path);
+
+/// The checkpoint to go on from: `path`, or the one before it if that file is missing or damaged. `damage` becomes a
+/// sentence about it then, and is empty otherwise. The checksums of the whole file are compared.
+/// Errors  IoError about `path` if neither is whole.
+[[nodiscard]] inline std::filesystem::path whole_checkpoint(const std::filesystem::path& path, std::string& damage);
+
+/// Removes the checkpoint, and the one before it.
+inline void remove_checkpoints(const std::filesystem::path& path);
 
 /// The words of the caller that wrote a checkpoint; empty if there are none.
 /// Errors  IoError if there is no such file; those of the file.
@@ -94,6 +111,11 @@ inline ArchiveReader open_checkpoint(const std::filesystem::path& path) {
     return ArchiveReader(path, "checkpoint", checkpoint_version);
 }
 
+/// Errors  IoError for a file that is not a whole checkpoint.
+inline void check_whole(const std::filesystem::path& path) {
+    open_checkpoint(path).file().check_all();
+}
+
 inline void check_run(const std::filesystem::path& path, const std::string& there, const std::string& here,
                       std::string_view advice) {
     const std::string ordered = in_order_of(here, there);
@@ -120,7 +142,36 @@ inline void save_checkpoint(const std::filesystem::path& path, AnyReconstruction
     add_curve("psnr", record.psnr);
     file.add("stage_seconds", std::vector<double>(record.stage_seconds.begin(), record.stage_seconds.end()));
     file.add("timed_steps", record.timed_steps);
-    file.commit();
+    file.commit(checkpoint_before(path));
+}
+
+inline bool has_checkpoint(const std::filesystem::path& path) {
+    std::error_code ignored;
+    return std::filesystem::exists(path, ignored) || std::filesystem::exists(checkpoint_before(path), ignored);
+}
+
+inline std::filesystem::path whole_checkpoint(const std::filesystem::path& path, std::string& damage) {
+    damage.clear();
+    try {
+        detail::check_whole(path);
+        return path;
+    } catch (const IoError& error) {
+        const std::filesystem::path before = checkpoint_before(path);
+        try {
+            detail::check_whole(before);
+        } catch (const IoError&) {
+            throw error;
+        }
+        damage = std::string(error.what()) + "; the run goes on from the checkpoint before it, " +
+                 before.filename().string();
+        return before;
+    }
+}
+
+inline void remove_checkpoints(const std::filesystem::path& path) {
+    std::error_code ignored;
+    std::filesystem::remove(path, ignored);
+    std::filesystem::remove(checkpoint_before(path), ignored);
 }
 
 inline std::string checkpoint_words(const std::filesystem::path& path) {

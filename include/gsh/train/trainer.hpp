@@ -100,6 +100,7 @@ public:
         progress_ = progress;
         history_.skip(steps);
         scene_->set_progress(steps, progress);
+        if (ended_ == Ended::in_update) ended_ = Ended::before_update; // the arrays are others now, the gradient is not
     }
 
     /// The index of the photograph of step `step`.
@@ -118,14 +119,24 @@ public:
     ///
     /// Settles after every most_unsettled_steps, so step_count() may be lower afterwards: a training of
     /// n steps calls this while step_count() < n, and settles at the end, as train_to does.
+    ///
+    /// After an error, such as memory that runs out, the step can be taken again, with the same bits, since nothing is
+    /// learned before a step's gradient is complete. After an error in the update itself it cannot.
+    /// Errors  those of settle(); Error if the step before ended within its update: load a checkpoint, and resume.
     template <class Observer = NoObserver>
     void step(double progress = 0, Observer&& observer = {}) {
+        if (ended_ == Ended::in_update)
+            throw Error("Trainer::step: an error ended the step before in the middle of its update; go on from a "
+                        "checkpoint, or begin again");
+        if (ended_ == Ended::before_update) forget_gradients();
         if (unsettled_ == most_unsettled_steps) settle();
         const std::size_t index = photo_of_step(step_count_);
         progress_ = progress;
         scene_->set_progress(step_count_, progress);
         pixels_.prepare(index);
+        ended_ = Ended::before_update;
         with_names([&] { repeated_.run(kind(photos_[index]), [&] { compute_step(index, progress, observer); }); });
+        ended_ = Ended::well;
         ++step_count_, ++unsettled_;
         pixels_.fetch(photo_of_step(step_count_));
         observer.leave();
@@ -158,9 +169,7 @@ public:
         std::uint64_t lost = 0;
         with_names([&] { lost = loss_.settle(repeated_, *scene_, step_count_); });
         if (lost == 0) return;
-        for (const LearnedArray<T>& array : scene_->learned()) // no step has used what the lost ones added
-            backend_->fill(array.gradient, T(0));
-        gains_.forget_gradient();
+        forget_gradients(); // no step has used what the lost ones added
         scene_->set_progress(step_count_, progress_);
     }
 
@@ -248,12 +257,21 @@ private:
 
         observer.enter(Stage::update);
         const double factor = config_.rate_factor(progress);
-        take_steps(*backend_, optimizer_, scene_->learned(), factor, static_cast<std::int64_t>(step_count_ + 1));
+        const LearnedArrays<T> arrays = scene_->learned();
+        ended_ = Ended::in_update; // unless the step comes to its end
+        take_steps(*backend_, optimizer_, arrays, factor, static_cast<std::int64_t>(step_count_ + 1));
         if (gains_.learns(progress))
             gains_.step(index, static_cast<std::int64_t>(step_count_ / photos_.size() + 1), factor);
         else
             gains_.forget_gradient();
         scene_->after_step(loss_.raster_cache());
+    }
+
+    /// Clears what a step has added that was not taken to its end.
+    void forget_gradients() {
+        for (const LearnedArray<T>& array : scene_->learned()) backend_->fill(array.gradient, T(0));
+        gains_.forget_gradient();
+        ended_ = Ended::well;
     }
 
     /// call(); an error about a Gaussian also tells the likely cause, and what the scene calls the Gaussian.
@@ -299,6 +317,10 @@ private:
     Optimizer optimizer_;
     Splats<B, T> splats_, dL_dsplats_;
 
+    /// How the last step ended: an exception leaves a gradient, or arrays of which some are updated.
+    enum class Ended { well, before_update, in_update };
+
+    Ended ended_ = Ended::well;
     std::uint64_t step_count_ = 0;
     std::size_t unsettled_ = 0; // steps since the last settle
     double progress_ = 0;

@@ -26,6 +26,21 @@ TEST_CASE("a file appears on commit and not before") {
     CHECK(folder.file_count() == 1);
 }
 
+TEST_CASE("the file that is replaced is kept where the commit says") {
+    const test::Temporary folder;
+    for (const char* text : {"first", "second", "third"}) {
+        AtomicFile file(folder / "a");
+        file.write(text);
+        file.commit(Sync::disk, folder / "a.before");
+    }
+    CHECK(read_file(folder / "a") == "third");
+    CHECK(read_file(folder / "a.before") == "second");
+    CHECK(folder.file_count() == 2);
+    AtomicFile file(folder / "new");
+    file.commit(Sync::disk, folder / "new.before");
+    CHECK(!std::filesystem::exists(folder / "new.before")); // nothing was replaced
+}
+
 TEST_CASE("an abandoned write leaves the old file and nothing else") {
     const test::Temporary folder;
     const auto path = folder / "a.txt";

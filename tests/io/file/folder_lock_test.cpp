@@ -36,6 +36,16 @@ TEST_CASE("a folder is created, locked, and removed if nothing is in it") {
                                 {"file/sub: cannot be created"});
 }
 
+TEST_CASE("a folder that cannot be locked is not left behind") {
+    const test::Temporary place;
+    fs::create_directories(place / "a/.gsh-lock"); // a folder in the place of the lock
+    test::check_throws<IoError>([&] { const LockedFolder folder(place / "a"); }, {"a: .gsh-lock cannot be created"});
+    CHECK(fs::exists(place / "a/.gsh-lock"));
+    test::check_throws<IoError>([&] { const CreatedFolders folders(place / ("b/c/" + std::string(300, 'x'))); },
+                                {"cannot be created", "too long"});
+    CHECK(!fs::exists(place / "b"));
+}
+
 TEST_CASE("the second process is refused and names the first, until that ends, however it ends") {
     const test::Temporary place;
     {

@@ -125,3 +125,18 @@ TEST_CASE("files are read through the same door") {
                           {(folder / "b.json").string(), "nested"});
     check_throws<IoError>([&] { (void)detail::read_json(folder / "c.json"); }, {(folder / "c.json").string()});
 }
+
+TEST_CASE("an owned value is whole until it is taken, and members keep their order while an object grows") {
+    std::string text = "{";
+    for (int i = 0; i < 100; ++i)
+        text += (i ? ", \"" : "\"") + std::to_string(100 - i) + R"(": {"list": [)" + std::to_string(i) + ", [2]]}";
+    detail::OwnedJson owned(parse_json(text + "}", "a.json"));
+    CHECK(owned->size() == 100);
+    CHECK((*owned)["58"]["list"][0] == 42);
+    CHECK(owned->begin().key() == "100");
+    const detail::Json taken = owned.take();
+    CHECK(owned->is_null());
+    CHECK(taken["1"]["list"].dump() == "[99,[2]]");
+    const detail::OwnedJson<nlohmann::json> empty;
+    CHECK((*empty).is_null());
+}

@@ -291,3 +291,19 @@ TEST_CASE("a single array in a file of its own") {
     test::check_throws<IoError>([&] { (void)read_npy<float>(folder / "none.npy"); }, {"none.npy", "No such file"});
     CHECK_THROWS_AS(write_npy<float>(path, pixels, {7}), ShapeError);
 }
+
+TEST_CASE("every member is read to its end, and a wrong byte is found by its checksum") {
+    const test::Temporary folder;
+    const auto path = folder / "a.npz";
+    {
+        NpzWriter file(path);
+        file.add("first", std::vector<float>(1000, 1.5f));
+        file.add("second", std::vector<float>(1000, 2.5f));
+        file.commit();
+    }
+    CHECK_NOTHROW(NpzReader(path).check_all());
+    std::string bytes = read_file(path);
+    bytes[bytes.find("second.npy") + 3000] ^= 1;
+    write_file(path, bytes);
+    test::check_throws<IoError>([&] { NpzReader(path).check_all(); }, {"a.npz: second is damaged"});
+}

@@ -5,6 +5,7 @@
 #include <gsh/core/error.hpp>
 #include <gsh/core/message.hpp>
 #include <gsh/io/file/foreign_file.hpp>
+#include <gsh/io/file/folder_entries.hpp>
 #include <gsh/io/file/gzip.hpp>
 #include <gsh/io/file/input_file.hpp>
 #include <gsh/io/file/named_path.hpp>
@@ -145,13 +146,12 @@ inline std::vector<std::string> MakeHumanFiles::list(const std::string& folder) 
              name != names_.end() && name->starts_with(prefix); ++name)
             add(std::string_view(*name).substr(prefix.size()));
     } else {
-        std::error_code error;
-        for (std::filesystem::directory_iterator entry(prefix, error), end; !error && entry != end;
-             entry.increment(error)) {
-            if (entry->is_regular_file(error)) add(entry->path().filename().string());
+        (void)detail::for_each_name(prefix, [&](std::string_view name) {
+            std::error_code ignored;
+            if (std::filesystem::is_regular_file(std::filesystem::path(prefix) / name, ignored)) add(name);
             if (found.size() > most_files)
                 throw IoError(prefix + ": holds more than " + std::to_string(most_files) + " files");
-        }
+        });
     }
     std::sort(found.begin(), found.end());
     found.erase(std::unique(found.begin(), found.end()), found.end());

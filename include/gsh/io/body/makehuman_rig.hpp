@@ -79,7 +79,8 @@ inline std::vector<int> bone_end_vertices(const Json& json, const std::string& w
 } // namespace detail
 
 inline MakeHumanRig parse_makehuman_rig(std::string_view text, const std::string& name, const MakeHumanMesh& mesh) {
-    const detail::Json json = detail::parse_json(text, name);
+    const detail::OwnedJson owned(detail::parse_json(text, name));
+    const detail::Json& json = *owned;
     const detail::JsonObject file(json, name);
     const detail::Json& bones = file.has("bones") ? file.at("bones") : json;
     check_value(bones.is_object() && bones.size() <= 1000, name, "expected an object with at most 1000 bones");
@@ -105,7 +106,8 @@ inline MakeHumanRig parse_makehuman_rig(std::string_view text, const std::string
 
 inline MakeHumanWeights parse_makehuman_weights(std::string_view text, const std::string& name, const MakeHumanRig& rig,
                                                 std::size_t vertex_count) {
-    const detail::Json json = detail::parse_json(text, name);
+    const detail::OwnedJson owned(detail::parse_json(text, name));
+    const detail::Json& json = *owned;
     const detail::Json& bones = detail::JsonObject(json, name).at("weights");
     check_value(bones.is_object(), name, "weights is no object, expected one list per bone");
     MakeHumanWeights weights;

@@ -27,7 +27,8 @@ namespace gsh {
 // -------------------------------------------------------------------------------------------------------------
 
 inline RegionLists read_regions(const InputFile& input, std::size_t vertex_count) {
-    const detail::Json json = detail::read_json(input, "regions");
+    const detail::OwnedJson owned(detail::read_json(input, "regions"));
+    const detail::Json& json = *owned;
     const detail::JsonObject object(json, input.name());
     RegionLists lists;
     const std::array<std::pair<const char*, std::optional<std::vector<int>>*>, 4> fields = {

@@ -157,11 +157,13 @@ inline Json camera_json(const NamedCamera& named) {
 } // namespace detail
 
 inline CameraList read_cameras(const InputFile& input) {
-    return detail::read_camera_list(detail::read_json(input, "cameras"), input.name());
+    const detail::OwnedJson owned(detail::read_json(input, "cameras"));
+    return detail::read_camera_list(*owned, input.name());
 }
 
 inline NamedCamera read_camera(const InputFile& input, std::string_view name) {
-    const detail::Json json = detail::read_json(input, "cameras");
+    const detail::OwnedJson owned(detail::read_json(input, "cameras"));
+    const detail::Json& json = *owned;
     if (json.is_object() && !json.contains("cameras")) {
         NamedCamera camera = detail::read_camera_entry(json, input.name());
         if (!name.empty() && camera.name != name)

@@ -155,7 +155,8 @@ inline Detections load_detections(const std::filesystem::path& folder) {
     if (!fs::exists(video, error))
         throw IoError(video.string() + ": does not exist, expected the folder that scripts/detect wrote (" +
                       "video.json, keypoints.json, masks/)");
-    const detail::Json json = detail::read_json(video, "video");
+    const detail::OwnedJson owned(detail::read_json(video, "video"));
+    const detail::Json& json = *owned;
     const detail::Json& list = detail::JsonObject(json, video.string()).at("cameras");
     if (!list.is_array() || list.empty())
         throw IoError(video.string() + ": cameras must be a list with at least one camera");

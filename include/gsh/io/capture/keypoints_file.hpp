@@ -293,7 +293,8 @@ inline std::vector<PhotoKeypoints> load_keypoints(const std::filesystem::path& p
             if (!is_new)
                 throw IoError(file.string() + ": is of camera " + detail::shortened(cameras[camera].name) +
                               " and frame " + std::to_string(frame) + ", which another file has, expected each once");
-            const Json json = detail::read_json(file);
+            const detail::OwnedJson owned(detail::read_json(file));
+            const Json& json = *owned;
             for (const Json& person : detail::list_of(file.string(), json, "people")) {
                 auto& points = place->second.people.emplace_back().points;
                 detail::add_keypoints(file.string(), person, "pose_keypoints_2d", openpose_landmarks, false, true,
@@ -310,7 +311,8 @@ inline std::vector<PhotoKeypoints> load_keypoints(const std::filesystem::path& p
             throw IoError(path.string() +
                           ": does not exist, expected a folder of OpenPose or a file of COCO-WholeBody");
         const std::string where = path.string();
-        const Json json = detail::read_json(path, "keypoints");
+        const detail::OwnedJson owned(detail::read_json(path, "keypoints"));
+        const Json& json = *owned;
         const Json& listed = detail::list_of(where, json, "images");
         for (const Json& image : listed) {
             if (!image.is_object() || !image.contains("id") || !image.contains("file_name") ||

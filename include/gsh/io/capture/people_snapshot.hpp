@@ -86,7 +86,8 @@ inline SnapshotSplit known_split(std::string_view subject) {
 }
 
 inline SnapshotSplit read_split(const InputFile& input) {
-    const Json json = read_json(input);
+    const OwnedJson owned(read_json(input));
+    const Json& json = *owned;
     const JsonObject object(json, input.name());
     const auto range = [&](const char* field) {
         const std::vector<int> numbers = object.integers(field);

@@ -307,7 +307,8 @@ private:
 
 inline std::vector<EstimatedPriors> read_prior_views(const std::filesystem::path& path, Span<const NamedCamera> cameras,
                                                      std::size_t frame_count, Span<const std::string> people) {
-    const detail::Json json = detail::read_json(path, "priors");
+    const detail::OwnedJson owned(detail::read_json(path, "priors"));
+    const detail::Json& json = *owned;
     const detail::Json& list = detail::prior_view_list(json, path.string());
     std::vector<EstimatedPriors> result(std::max<std::size_t>(1, people.size()));
     for (std::size_t v = 0; v < list.size(); ++v)
@@ -324,7 +325,8 @@ inline std::uint32_t prior_views_checksum(const std::filesystem::path& path) {
         crc.add(bytes.data(), bytes.size());
     };
     add(path);
-    const detail::Json json = detail::read_json(path, "priors");
+    const detail::OwnedJson owned(detail::read_json(path, "priors"));
+    const detail::Json& json = *owned;
     const detail::Json& list = detail::prior_view_list(json, path.string());
     for (std::size_t v = 0; v < list.size(); ++v) {
         const detail::JsonObject object(list[v], detail::prior_view_name(path, v));

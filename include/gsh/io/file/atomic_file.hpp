@@ -3,6 +3,8 @@
 #pragma once
 
 #include <gsh/core/error.hpp>
+#include <gsh/io/file/disk_sync.hpp>
+#include <gsh/io/file/exchange.hpp>
 #include <gsh/io/file/folder_lock.hpp>
 
 #include <fcntl.h>
@@ -14,6 +16,7 @@
 #include <cstddef>
 #include <cstdio>
 #include <filesystem>
+#include <initializer_list>
 #include <memory>
 #include <string>
 #include <string_view>
@@ -49,7 +52,12 @@ public:
     void write(const void* data, std::size_t size);
     void write(std::string_view text) { write(text.data(), text.size()); }
     /// Makes the file appear. Without a commit, the destructor removes what was written.
-    void commit(Sync sync = Sync::disk);
+    ///
+    /// With a path `keep`, the file that is replaced is there afterwards; if it cannot be kept, it is replaced all the
+    /// same.
+    void commit(Sync sync = Sync::disk, const std::filesystem::path& keep = {});
+    /// Makes several files appear, all or none (move_all).
+    static void commit_all(std::initializer_list<AtomicFile*> files);
 
     [[nodiscard]] const std::filesystem::path& path() const { return path_; }
     /// Bytes written so far.
@@ -66,8 +74,10 @@ private:
     static constexpr std::size_t pending_limit = 1 << 16;
 
     void flush();
+    void finish(Sync sync);
     void write_through(const char* data, std::size_t size);
     void abandon() noexcept;
+    void keep_replaced(const std::filesystem::path& keep) const noexcept;
     [[noreturn]] void fail(std::string_view deed, int error);
 };
 
@@ -92,10 +102,10 @@ inline AtomicFile::AtomicFile(std::filesystem::path path) : path_(std::move(path
     if (!direct) temporary_ = target_.string() + ".partial";
     bool free = true;
     if (direct)
-        descriptor_ = ::open(target_.c_str(), O_WRONLY | O_CLOEXEC);
+        descriptor_ = detail::open_again([&] { return ::open(target_.c_str(), O_WRONLY | O_CLOEXEC); });
     else
         free = detail::open_locked(temporary_, descriptor_);
-    if (descriptor_ >= 0 && free && (direct || ::ftruncate(descriptor_, 0) == 0)) return;
+    if (descriptor_ >= 0 && free && (direct || detail::empty_file(descriptor_))) return;
     const int code = errno;
     if (descriptor_ < 0 || !free) temporary_.clear(); // not a file that this object may remove
     if (!free) {
@@ -115,25 +125,38 @@ inline void AtomicFile::write(const void* data, std::size_t size) {
     size_ += size;
 }
 
-inline void AtomicFile::commit(Sync sync) {
+/// Writes all that is to be written, and waits for the disk.
+inline void AtomicFile::finish(Sync sync) {
     flush();
-    if (sync == Sync::disk && !temporary_.empty() && ::fsync(descriptor_) != 0)
-        fail("cannot be synced to the disk", errno);
+    if (sync == Sync::disk && !temporary_.empty())
+        if (const int error = detail::sync_descriptor(descriptor_)) fail("cannot be synced to the disk", error);
     // Some file systems report errors of writing on closing. The file stays open, and locked, until it is in place.
-    if (const int copy = ::dup(descriptor_); copy < 0 || ::close(copy) != 0) fail("cannot be closed", errno);
+    // An interrupted close has closed the copy.
+    if (const int copy = ::dup(descriptor_); copy < 0 || (::close(copy) != 0 && errno != EINTR))
+        fail("cannot be closed", errno);
+}
+
+inline void AtomicFile::commit(Sync sync, const std::filesystem::path& keep) {
+    finish(sync);
+    const std::filesystem::path folder = folder_of(target_); // before the rename, after which nothing may fail
+    if (!keep.empty() && !temporary_.empty()) keep_replaced(keep);
     const bool renamed = temporary_.empty() || std::rename(temporary_.c_str(), target_.c_str()) == 0;
     if (!renamed) fail("cannot be renamed into place", errno);
     const bool direct = temporary_.empty();
     temporary_.clear();
     ::close(std::exchange(descriptor_, -1));
-    if (direct) return;
-    if (sync == Sync::none) return;
-    // The rename is stored in the directory, so that is synced too. Errors are ignored: some file systems cannot do it.
-    const auto folder = target_.has_parent_path() ? target_.parent_path() : std::filesystem::path(".");
-    if (const int directory = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC); directory >= 0) {
-        ::fsync(directory);
-        ::close(directory);
+    if (direct || sync == Sync::none) return;
+    sync_to_disk(folder); // which stores the rename
+}
+
+inline void AtomicFile::commit_all(std::initializer_list<AtomicFile*> files) {
+    std::vector<FileMove> moves;
+    for (AtomicFile* const file : files) {
+        file->finish(Sync::disk);
+        if (!file->temporary_.empty()) moves.push_back({file->temporary_, file->target_});
     }
+    move_all(moves);
+    for (AtomicFile* const file : files) file->abandon(); // removes what was replaced
 }
 
 inline void AtomicFile::flush() {
@@ -155,6 +178,14 @@ inline void AtomicFile::abandon() noexcept {
     if (!temporary_.empty()) ::unlink(temporary_.c_str()); // while it is locked
     temporary_.clear();
     if (descriptor_ >= 0) ::close(std::exchange(descriptor_, -1));
+}
+
+inline void AtomicFile::keep_replaced(const std::filesystem::path& keep) const noexcept {
+    struct stat found{};
+    if (::stat(target_.c_str(), &found) != 0) return;
+    ::unlink(keep.c_str());
+    if (::link(target_.c_str(), keep.c_str()) != 0) // as on file systems without hard links
+        (void)!std::rename(target_.c_str(), keep.c_str());
 }
 
 inline void AtomicFile::fail(std::string_view deed, int error) {

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <gsh/core/error.hpp>
+#include <gsh/io/file/folder_entries.hpp>
 #include <gsh/io/file/text_lines.hpp>
 
 #include <algorithm>
@@ -44,19 +45,19 @@ namespace detail {
 
 inline void list_into(const std::filesystem::path& folder, std::string_view expected, bool below,
                       std::vector<std::filesystem::path>& found) {
-    std::error_code error, ignored;
-    for (std::filesystem::directory_iterator entry(folder, error), end; !error && entry != end;
-         entry.increment(error)) {
-        if (is_system_file(entry->path())) continue;
+    std::error_code ignored;
+    const int error = for_each_name(folder, [&](std::string_view name) {
+        const std::filesystem::path path = folder / name;
+        if (is_system_file(path)) return;
         if (!below)
-            found.push_back(entry->path());
-        else if (entry->is_directory(ignored) && !entry->is_symlink(ignored))
-            list_into(entry->path(), expected, below, found);
-        else if (!entry->is_directory(ignored))
-            found.push_back(entry->path());
-    }
+            found.push_back(path);
+        else if (std::filesystem::is_directory(path, ignored) && !std::filesystem::is_symlink(path, ignored))
+            list_into(path, expected, below, found);
+        else if (!std::filesystem::is_directory(path, ignored))
+            found.push_back(path);
+    });
     if (error)
-        throw IoError(folder.string() + ": cannot be listed: " + error.message() +
+        throw IoError(folder.string() + ": cannot be listed: " + std::generic_category().message(error) +
                       (expected.empty() ? "" : "; expected " + std::string(expected)));
 }
 

@@ -4,6 +4,7 @@
 
 #include <gsh/core/error.hpp>
 #include <gsh/core/message.hpp>
+#include <gsh/io/file/disk_sync.hpp>
 
 #include <fcntl.h>
 #include <sys/file.h>
@@ -46,6 +47,25 @@ private:
     int descriptor_ = -1;
 };
 
+/// Creates a folder and those above it that are missing. The destructor removes the ones that were missing, if they are
+/// empty; an error in the constructor does so, too.
+///
+/// Errors  IoError, naming the folder, if it cannot be created.
+class CreatedFolders {
+public:
+    explicit CreatedFolders(const std::filesystem::path& folder);
+    CreatedFolders(const CreatedFolders&) = delete;
+    CreatedFolders& operator=(const CreatedFolders&) = delete;
+    ~CreatedFolders() { remove(); }
+
+private:
+    std::vector<std::filesystem::path> missing_; // from the innermost
+
+    void remove() noexcept {
+        for (const auto& folder : missing_) ::rmdir(folder.c_str()); // only if empty
+    }
+};
+
 /// A folder that this process alone writes to. It is created if it does not exist. The destructor removes the folders
 /// that were created here, if they are empty.
 ///
@@ -53,32 +73,15 @@ private:
 class LockedFolder {
 public:
     explicit LockedFolder(std::filesystem::path folder)
-        : path_(std::move(folder)), created_(create(path_)), lock_(path_ / ".gsh-lock", path_.string()) {}
+        : path_(std::move(folder)), created_(path_), lock_(path_ / ".gsh-lock", path_.string()) {}
     LockedFolder(const LockedFolder&) = delete;
     LockedFolder& operator=(const LockedFolder&) = delete;
-    ~LockedFolder() {
-        lock_.release();
-        std::error_code ignored;
-        for (const auto& folder : created_) std::filesystem::remove(folder, ignored); // only if empty
-    }
     [[nodiscard]] const std::filesystem::path& path() const { return path_; }
 
 private:
     std::filesystem::path path_;
-    std::vector<std::filesystem::path> created_; // from the innermost
-    FileLock lock_;
-
-    static std::vector<std::filesystem::path> create(const std::filesystem::path& folder) {
-        std::error_code error;
-        std::vector<std::filesystem::path> missing;
-        for (auto place = folder; !place.empty() && !std::filesystem::exists(place, error); place = place.parent_path())
-            missing.push_back(place);
-        std::filesystem::create_directories(folder, error);
-        if (error || !std::filesystem::is_directory(folder))
-            throw IoError(folder.string() +
-                          ": cannot be created: " + (error ? error.message() : "a file is in the way"));
-        return missing;
-    }
+    CreatedFolders created_;
+    FileLock lock_; // its file is removed before the folders are
 };
 
 // -------------------------------------------------------------------------------------------------------------
@@ -97,7 +100,7 @@ namespace detail {
 /// Errors  -1 as descriptor, and errno.
 [[nodiscard]] inline bool open_locked(const std::filesystem::path& path, int& descriptor) {
     while (true) {
-        descriptor = ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0666);
+        descriptor = open_again([&] { return ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0666); });
         if (descriptor < 0) return true;
         int failed = 0;
         do failed = ::flock(descriptor, LOCK_EX | LOCK_NB);
@@ -111,10 +114,17 @@ namespace detail {
 } // namespace detail
 
 inline FileLock::FileLock(std::filesystem::path path, const std::string& what) : path_(std::move(path)) {
+    char host[65] = {};
+    if (::gethostname(host, sizeof host - 1) != 0) host[0] = '\0';
+    // Before the lock is taken, because no destructor releases it if this is out of memory.
+    const std::string name =
+        "process " + std::to_string(::getpid()) + (host[0] ? std::string(" on ") + host : "") + "\n";
     const bool free = detail::open_locked(path_, descriptor_);
-    if (descriptor_ < 0)
+    if (descriptor_ < 0) {
+        const int error = errno;
         throw IoError(what + ": " + path_.filename().string() +
-                      " cannot be created there: " + std::generic_category().message(errno));
+                      " cannot be created there: " + std::generic_category().message(error));
+    }
     char text[200] = {};
     if (!free) {
         const auto size = ::pread(descriptor_, text, sizeof text - 1, 0);
@@ -124,12 +134,23 @@ inline FileLock::FileLock(std::filesystem::path path, const std::string& what) :
         throw IoError(what + ": " + (who.empty() ? "another process" : who) +
                       " is writing there; wait until it has ended, or name another place");
     }
-    char host[65] = {};
-    if (::gethostname(host, sizeof host - 1) != 0) host[0] = '\0';
-    const std::string name =
-        "process " + std::to_string(::getpid()) + (host[0] ? std::string(" on ") + host : "") + "\n";
-    if (::ftruncate(descriptor_, 0) != 0 || ::pwrite(descriptor_, name.data(), name.size(), 0) < 0)
+    if (!detail::empty_file(descriptor_) || ::pwrite(descriptor_, name.data(), name.size(), 0) < 0)
         return; // on a full disk; the lock holds without a name
+}
+
+inline CreatedFolders::CreatedFolders(const std::filesystem::path& folder) {
+    std::error_code error;
+    for (auto place = folder; !place.empty() && !std::filesystem::exists(place, error); place = place.parent_path())
+        missing_.push_back(place);
+    try {
+        std::filesystem::create_directories(folder, error);
+        if (error || !std::filesystem::is_directory(folder))
+            throw IoError(folder.string() +
+                          ": cannot be created: " + (error ? error.message() : "a file is in the way"));
+    } catch (...) {
+        remove();
+        throw;
+    }
 }
 
 } // namespace gsh

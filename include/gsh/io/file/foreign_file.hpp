@@ -2,6 +2,7 @@
 /// @file  Names files of other programs by their first bytes, with the way to convert them, for messages of readers.
 #pragma once
 
+#include <gsh/io/file/folder_entries.hpp>
 #include <gsh/io/file/input_file.hpp>
 #include <gsh/io/file/text_lines.hpp>
 
@@ -251,18 +252,23 @@ inline std::string not_the_kind(const InputFile& input, std::string_view expecte
 
 inline std::string folder_contents(const std::filesystem::path& folder) {
     std::map<std::string, std::pair<std::size_t, std::filesystem::path>> kinds; // by ending: their number, the first
-    std::error_code error;
     std::size_t seen = 0;
-    const std::filesystem::recursive_directory_iterator end;
-    for (std::filesystem::recursive_directory_iterator entry(folder, error); !error && entry != end && seen < 10000;
-         entry.increment(error)) {
-        if (entry.depth() == 2) entry.disable_recursion_pending();
-        std::error_code ignored;
-        if (entry->path().filename().string().starts_with('.') || !entry->is_regular_file(ignored)) continue;
-        auto& [count, first] = kinds[entry->path().extension().string()];
-        ++seen;
-        if (count++ == 0 || entry->path() < first) first = entry->path();
-    }
+    const auto look_into = [&](const auto& self, const std::filesystem::path& place, int depth) -> void {
+        (void)detail::for_each_name(place, [&](std::string_view name) {
+            if (seen >= 10000 || name.starts_with('.')) return;
+            std::error_code ignored;
+            const std::filesystem::path path = place / name;
+            if (std::filesystem::is_directory(path, ignored)) {
+                if (depth < 2 && !std::filesystem::is_symlink(path, ignored)) self(self, path, depth + 1);
+                return;
+            }
+            if (!std::filesystem::is_regular_file(path, ignored)) return;
+            auto& [count, first] = kinds[path.extension().string()];
+            ++seen;
+            if (count++ == 0 || path < first) first = path;
+        });
+    };
+    look_into(look_into, folder, 0);
     if (kinds.empty()) return "; it holds no files";
     const auto most = std::max_element(kinds.begin(), kinds.end(),
                                        [](const auto& a, const auto& b) { return a.second.first < b.second.first; });

@@ -56,6 +56,13 @@ public:
         std::error_code ignored;
         return !contents_ && std::filesystem::is_directory(path_, ignored);
     }
+    /// Whether it can be read only once, from its beginning to its end: a pipe (/dev/stdin after |), or a device.
+    [[nodiscard]] bool is_pipe() const {
+        std::error_code error;
+        if (contents_) return false;
+        const auto status = std::filesystem::status(path_, error);
+        return std::filesystem::is_other(status);
+    }
 
 private:
     std::filesystem::path path_;
@@ -69,12 +76,13 @@ class InputStream {
 public:
     explicit InputStream(const InputFile& file);
 
-    /// Reads up to `size` bytes; less at the end of the file, or where the disk fails.
+    /// Reads up to `size` bytes; less at the end of the file.
+    /// Errors  IoError, with the system's message, if the disk fails.
     std::size_t read(void* data, std::size_t size);
     /// The next byte, or EOF.
     int next() {
-        if (file_) return std::fgetc(file_.get());
-        return position_ < contents_.size() ? static_cast<unsigned char>(contents_[position_++]) : EOF;
+        unsigned char byte = 0;
+        return read(&byte, 1) == 1 ? byte : EOF;
     }
     [[nodiscard]] std::size_t position() const {
         return file_ ? static_cast<std::size_t>(::ftello(file_.get())) : position_;
@@ -88,9 +96,6 @@ public:
     /// Bytes of the file.
     /// Errors  IoError for a pipe or a device.
     [[nodiscard]] std::size_t size() const;
-    /// The system's error if the last read ended before the end of the file; 0 otherwise.
-    [[nodiscard]] int error() const { return file_ && std::ferror(file_.get()) ? errno : 0; }
-
 private:
     struct Close {
         void operator()(std::FILE* stream) const { std::fclose(stream); }
@@ -101,7 +106,14 @@ private:
     std::size_t position_ = 0; // in the contents
 };
 
-/// The whole contents of a file.
+/// Throws IoError for a pipe. Readers that look at a file more than once call this first.
+inline void check_no_pipe(const InputFile& file) {
+    if (file.is_pipe())
+        throw IoError(file.name() + ": is a pipe or a device, and this kind of file is not read in one go; store it in "
+                                    "a file first");
+}
+
+/// The whole contents of a file, which may be a pipe.
 ///
 /// Errors  IoError if it cannot be read, or is larger than `limit` bytes.
 [[nodiscard]] inline std::string read_file(const InputFile& file, std::size_t limit = std::size_t(1) << 30);
@@ -119,15 +131,26 @@ inline InputStream::InputStream(const InputFile& file) : path_(file.path()) {
 }
 
 inline std::size_t InputStream::read(void* data, std::size_t size) {
-    if (file_) return std::fread(data, 1, size, file_.get());
-    const std::size_t count = std::min(size, contents_.size() - std::min(position_, contents_.size()));
-    if (count > 0) std::memcpy(data, contents_.data() + position_, count);
-    position_ += count;
-    return count;
+    std::size_t count = 0;
+    if (!file_) {
+        count = std::min(size, contents_.size() - std::min(position_, contents_.size()));
+        if (count > 0) std::memcpy(data, contents_.data() + position_, count);
+        position_ += count;
+        return count;
+    }
+    while (true) {
+        count += std::fread(static_cast<char*>(data) + count, 1, size - count, file_.get());
+        if (count == size || !std::ferror(file_.get())) return count;
+        const int error = errno;
+        if (error != EINTR) // a signal's handler ran
+            throw IoError(path_.string() + ": cannot be read: " + std::generic_category().message(error));
+        std::clearerr(file_.get());
+    }
 }
 
 inline std::size_t InputStream::size() const {
     if (!file_) return contents_.size();
+    check_no_pipe(path_);
     std::error_code error;
     const std::uintmax_t size = std::filesystem::file_size(path_, error);
     if (error) throw IoError(path_.string() + ": cannot be read: " + error.message());
@@ -150,8 +173,6 @@ inline std::string read_file(const InputFile& file, std::size_t limit) {
         content.append(block, count);
         check_limit(content.size());
     }
-    if (const int error = stream.error())
-        throw IoError(file.name() + ": cannot be read: " + std::generic_category().message(error));
     return content;
 }
 

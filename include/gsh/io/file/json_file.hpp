@@ -30,6 +30,37 @@ struct JsonLimits {
     std::size_t values = std::size_t(1) << 24;     ///< numbers, texts and all others
 };
 
+/// Owns a value, and takes it apart without memory. nlohmann's own destructor allocates: without memory, a program
+/// would end where a list or an object goes out of scope.
+template <class Value = Json>
+class OwnedJson {
+public:
+    OwnedJson() = default;
+    explicit OwnedJson(Value value) noexcept : value_(std::move(value)) {}
+    OwnedJson(const OwnedJson&) = delete;
+    OwnedJson& operator=(const OwnedJson&) = delete;
+    ~OwnedJson() { take_apart(value_); }
+
+    [[nodiscard]] Value& operator*() { return value_; }
+    [[nodiscard]] const Value& operator*() const { return value_; }
+    [[nodiscard]] Value* operator->() { return &value_; }
+    /// The value, which is not owned any more.
+    [[nodiscard]] Value take() { return std::move(value_); }
+
+private:
+    Value value_;
+
+    static void take_apart(Value& value) noexcept {
+        if (auto* const list = value.template get_ptr<typename Value::array_t*>()) {
+            for (Value& element : *list) take_apart(element);
+            list->clear();
+        } else if (auto* const object = value.template get_ptr<typename Value::object_t*>()) {
+            for (auto& member : *object) take_apart(member.second);
+            object->clear();
+        }
+    }
+};
+
 /// Parses JSON in a time that grows with its length, n log n where objects have many members.
 ///
 /// Every reader of JSON calls this function or read_json: a value that is nested deeply exhausts the stack where it is
@@ -46,21 +77,21 @@ template <class Value = Json>
 /// Errors  those of read_file, parse_json and check_format.
 [[nodiscard]] inline Json read_json(const InputFile& input, std::string_view kind = {}) {
     const std::string text = read_file(input, std::size_t(1) << 26), name = input.name();
-    Json json;
+    OwnedJson<> json;
     try {
-        json = parse_json(text, name);
+        *json = parse_json(text, name);
     } catch (const IoError&) {
         const std::string foreign = text.empty() ? "" : not_the_kind(input, "JSON", "json", "");
         if (!foreign.empty()) throw IoError(name + ": " + foreign);
         throw;
     }
-    if (!json.is_object() || !json.contains(format_member)) return json;
-    const Json& format = json[format_member];
+    if (!json->is_object() || !json->contains(format_member)) return json.take();
+    const Json& format = (*json)[format_member];
     if (!format.is_string())
         throw IoError(name + ": " + format_member + " is " + format.type_name() + ", expected text");
     check_format(name, format.get<std::string>(), kind, 1, 1);
-    json.erase(format_member);
-    return json;
+    json->erase(format_member);
+    return json.take();
 }
 
 /// A JSON object and its place in the file, for messages.
@@ -159,7 +190,7 @@ public:
     JsonBuilder(std::string_view text, const std::string& what, const JsonLimits& limits)
         : text_(text), what_(what), limits_(limits) {}
 
-    [[nodiscard]] Value take() { return std::move(root_); }
+    [[nodiscard]] Value take() { return root_.take(); }
 
     bool null() { return add(Value()), true; }
     bool boolean(bool value) { return add(Value(value)), true; }
@@ -198,7 +229,7 @@ private:
     std::string_view text_;
     const std::string& what_;
     JsonLimits limits_;
-    Value root_;
+    OwnedJson<Value> root_;
     std::vector<Value*> open_; // lists and objects, from the outermost; each is the last element of the one before
     std::string key_;
     std::size_t containers_ = 0, values_ = 0;
@@ -209,19 +240,29 @@ private:
         if (++values_ > limits_.values)
             throw IoError(what_ + ": holds more than " + std::to_string(limits_.values) +
                           " values, the most that is read");
-        if (open_.empty()) return root_ = std::move(value);
+        if (open_.empty()) return *root_ = std::move(value);
         if (open_.back()->is_array()) {
             auto& list = open_.back()->template get_ref<typename Value::array_t&>();
             return list.emplace_back(std::move(value));
         }
         if constexpr (is_ordered) {
             typename Object::Container& members = object(); // the map's own functions compare all keys
+            if (members.size() == members.capacity()) grow(members);
             return members.emplace_back(std::move(key_), std::move(value)).second;
         } else {
             const auto [member, fresh] = object().emplace(std::move(key_), std::move(value));
             if (!fresh) fail_twice(member->first);
             return member->second;
         }
+    }
+    /// Makes room for more members, and moves the values. The vector itself would copy them, as a const key cannot be
+    /// moved, and nlohmann's destructor of the old ones needs memory.
+    template <class Members>
+    static void grow(Members& members) {
+        Members larger;
+        larger.reserve(std::max<std::size_t>(4, 2 * members.size()));
+        for (auto& member : members) larger.emplace_back(member.first, std::move(member.second));
+        members.swap(larger);
     }
     void open(Value value) {
         if (open_.size() == limits_.depth)

@@ -53,6 +53,9 @@ template <class T>
 /// Writes one array, atomically.
 template <class T>
 void write_npy(const std::filesystem::path& path, Span<const T> data, const Shape& shape);
+/// The same into an open file, which the caller commits.
+template <class T>
+void write_npy(AtomicFile& file, Span<const T> data, const Shape& shape);
 
 // -------------------------------------------------------------------------------------------------------------
 
@@ -206,11 +209,16 @@ NpyArray<T> read_npy(const InputFile& input, Numbers numbers) {
 }
 
 template <class T>
-void write_npy(const std::filesystem::path& path, Span<const T> data, const Shape& shape) {
-    check_size("write_npy", path.string(), data.size(), detail::element_count(shape), "the shape says so");
-    AtomicFile file(path);
+void write_npy(AtomicFile& file, Span<const T> data, const Shape& shape) {
+    check_size("write_npy", file.path().string(), data.size(), detail::element_count(shape), "the shape says so");
     file.write(detail::npy_header_bytes(detail::npy_dtype<T>(), shape));
     file.write(data.data(), data.size() * sizeof(T));
+}
+
+template <class T>
+void write_npy(const std::filesystem::path& path, Span<const T> data, const Shape& shape) {
+    AtomicFile file(path);
+    write_npy<T>(file, data, shape);
     file.commit();
 }
 

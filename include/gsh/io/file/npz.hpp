@@ -59,6 +59,9 @@ public:
     [[nodiscard]] T read_number(std::string_view key, Numbers numbers = Numbers::same_kind) const;
     /// An array of unicode texts, or a single one.
     [[nodiscard]] std::vector<std::string> read_texts(std::string_view key) const;
+    /// Reads every member to its end, so that its checksum is compared.
+    /// Errors  IoError naming the first damaged one.
+    void check_all() const;
 
     /// "FILE: key", the prefix of every message about a member.
     [[nodiscard]] std::string name_of(std::string_view key) const {
@@ -123,6 +126,14 @@ inline void NpzReader::check_budget(const NpyHeader& header, std::size_t width, 
 inline NpyHeader NpzReader::header(std::string_view key) const {
     ZipReader::Member member = open(key);
     return detail::read_npy_header(source_of(member), member.size(), name_of(key));
+}
+
+inline void NpzReader::check_all() const {
+    std::vector<char> block(std::size_t(1) << 18);
+    for (const std::string& key : keys()) {
+        ZipReader::Member member = open(key);
+        while (member.read(block.data(), block.size()) > 0) {}
+    }
 }
 
 inline bool NpzReader::has_array(std::string_view key) const {

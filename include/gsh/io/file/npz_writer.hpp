@@ -55,7 +55,8 @@ public:
     /// A 1-d unicode array.
     void add_texts(std::string_view key, const std::vector<std::string>& texts);
 
-    void commit();
+    /// Makes the file appear. With a path `keep`, the file that it replaces is there afterwards (AtomicFile::commit).
+    void commit(const std::filesystem::path& keep = {});
 
 private:
     AtomicFile file_;
@@ -145,7 +146,7 @@ inline void NpzWriter::add_member(std::string_view key, const std::string& heade
     directory_ += name;
 }
 
-inline void NpzWriter::commit() {
+inline void NpzWriter::commit(const std::filesystem::path& keep) {
     const auto offset = static_cast<std::uint32_t>(file_.size());
     const auto count = static_cast<std::uint16_t>(names_.size());
     std::string end("PK\x05\x06", 4);
@@ -153,7 +154,7 @@ inline void NpzWriter::commit() {
                          static_cast<std::uint32_t>(directory_.size()), offset, std::uint16_t(0));
     file_.write(directory_);
     file_.write(end);
-    file_.commit();
+    file_.commit(Sync::disk, keep);
 }
 
 } // namespace gsh

@@ -118,10 +118,10 @@ inline std::size_t safetensors_width(std::string_view dtype) {
 
 /// Parses the file's header, whose levels are the header itself, its tensors, and their shapes.
 inline nlohmann::json parse_safetensors_header(const std::string& text, const std::string& what) {
-    auto header =
-        parse_json<nlohmann::json>(text, what + " is not a safetensors file, or damaged: its header", {.depth = 3});
-    if (!header.is_object()) throw IoError(what + " is not a safetensors file: its header is no JSON object");
-    return header;
+    OwnedJson header(
+        parse_json<nlohmann::json>(text, what + " is not a safetensors file, or damaged: its header", {.depth = 3}));
+    if (!header->is_object()) throw IoError(what + " is not a safetensors file: its header is no JSON object");
+    return header.take();
 }
 
 inline TensorHeader read_tensor_header(const nlohmann::json& json, const std::string& what) {
@@ -181,8 +181,8 @@ inline SafetensorsReader::SafetensorsReader(InputFile input, Limits limits)
     detail::read_exactly(source, text.data(), length, what);
     data_begin_ = sizeof(length) + length;
 
-    const nlohmann::json header = detail::parse_safetensors_header(text, what);
-    for (const auto& [name, json] : header.items())
+    const detail::OwnedJson header(detail::parse_safetensors_header(text, what));
+    for (const auto& [name, json] : (*header).items())
         if (name != "__metadata__") tensors_[name] = detail::read_tensor_header(json, name_of(name));
     check_places(size - data_begin_);
 }

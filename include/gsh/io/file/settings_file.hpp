@@ -17,7 +17,8 @@ namespace gsh {
 ///
 /// Errors  IoError for a file that is not a JSON object, or for a member that is a list, an object or null.
 [[nodiscard]] inline std::vector<std::pair<std::string, std::string>> read_settings(const InputFile& input) {
-    const detail::Json json = detail::read_json(input, "settings");
+    const detail::OwnedJson owned(detail::read_json(input, "settings"));
+    const detail::Json& json = *owned;
     if (!json.is_object()) throw IoError(input.name() + ": must hold one JSON object, names and values");
     std::vector<std::pair<std::string, std::string>> settings;
     for (const auto& [name, value] : json.items()) {

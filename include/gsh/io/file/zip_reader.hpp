@@ -121,6 +121,7 @@ inline ZipReader::ZipReader(InputFile input, const Kind& kind, const Limits& lim
     : input_(std::move(input)), limits_(limits) {
     const std::string name = input_.name();
     if (input_.is_folder()) throw IoError(name + ": is a directory, expected " + kind.name);
+    check_no_pipe(input_);
     int code = 0;
     archive_.reset(detail::open_zip(input_, code));
     if (!archive_) {

@@ -80,6 +80,7 @@ namespace detail {
 
 /// Recognises texts and containers other than .npz by their first bytes, or by the ending of the name.
 inline std::optional<MotionLayout> recognise_rig_file(const InputFile& input) {
+    check_no_pipe(input);
     char bytes[64] = {};
     std::string_view head(bytes, InputStream(input).read(bytes, sizeof bytes));
     if (head.starts_with("\xef\xbb\xbf")) head.remove_prefix(3);
@@ -123,7 +124,8 @@ inline std::optional<MotionLayout> recognise_motion(const InputFile& input) {
         const InputFile file = detail::motion_file_of(input);
         if (detail::smplx_json_folder(folder).empty() && !file.is_folder()) return recognise_motion(file);
         if (const auto place = detail::json_frames_folder(folder); !place.empty()) {
-            const detail::Json first = detail::read_json(detail::list_numbered(place, ".json").front().path);
+            const detail::OwnedJson owned(detail::read_json(detail::list_numbered(place, ".json").front().path));
+            const detail::Json& first = *owned;
             return first.is_array() || first.contains("annots") ? MotionLayout::easymocap : MotionLayout::smplx_json;
         }
         return npz_frames(folder).empty() ? std::nullopt : std::optional(MotionLayout::npz_frames);

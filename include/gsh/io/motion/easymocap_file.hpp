@@ -63,7 +63,8 @@ struct EasyMocapPerson {
 };
 
 inline EasyMocapPerson read_easymocap_person(const InputFile& input, int person) {
-    const Json json = read_json(input);
+    const OwnedJson owned(read_json(input));
+    const Json& json = *owned;
     const Json& list = json.is_array() ? json : JsonObject(json, input.name()).at("annots");
     if (!list.is_array()) throw IoError(input.name() + ": holds no list of people");
     if (list.empty()) throw IoError(input.name() + ": holds no person in this frame; leave it and its photographs out");

@@ -18,7 +18,8 @@ namespace gsh {
 /// Errors  IoError naming the file and the entry: a file that is not a JSON object, or a name that SMPL-X does not
 ///         have.
 [[nodiscard]] inline JointMap read_joint_map(const InputFile& input) {
-    const detail::Json json = detail::read_json(input, "joint_map");
+    const detail::OwnedJson owned(detail::read_json(input, "joint_map"));
+    const detail::Json& json = *owned;
     if (!json.is_object())
         throw IoError(input.name() + ": is " + json.type_name() +
                       R"(, expected an object of names such as {"LeftArm": "left_shoulder"})");

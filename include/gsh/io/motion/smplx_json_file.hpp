@@ -83,7 +83,8 @@ inline Motion load_smplx_json_motion(const std::filesystem::path& folder, const 
                                             {"betas", "betas", 0, false}};
     std::vector<double> numbers;
     for (const detail::NumberedFile& file : files) {
-        const detail::Json json = detail::read_json(file.path);
+        const detail::OwnedJson owned(detail::read_json(file.path));
+        const detail::Json& json = *owned;
         const detail::JsonObject object(json, file.path.string());
         for (detail::JsonColumn& column : columns) {
             if (numbers.empty() && !column.needed) {

@@ -24,6 +24,7 @@ namespace gsh {
 /// Errors  IoError for a file that cannot be opened or whose format is not known.
 [[nodiscard]] inline SplatFormat recognise_splats(const InputFile& input) {
     if (input.is_folder()) throw IoError(input.name() + ": is a directory, expected a file of Gaussians");
+    check_no_pipe(input);
     InputStream file(input);
     const std::string ending = input.ending();
     for (const SplatFormatTraits& row : splat_formats)

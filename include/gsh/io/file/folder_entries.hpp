@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  The names in a folder, and the removal of a folder, with errors in place of an end where memory runs out.
+#pragma once
+
+#include <dirent.h>
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+#include <filesystem>
+#include <memory>
+#include <string_view>
+
+namespace gsh::detail {
+
+struct CloseFolder {
+    void operator()(DIR* folder) const { ::closedir(folder); }
+};
+using OpenFolder = std::unique_ptr<DIR, CloseFolder>;
+
+/// The next entry but "." and "..", or null at the end and after an error, which errno tells then.
+[[nodiscard]] inline const dirent* next_entry(DIR* folder) {
+    while (true) {
+        errno = 0;
+        const dirent* const entry = ::readdir(folder);
+        if (!entry || (std::strcmp(entry->d_name, ".") != 0 && std::strcmp(entry->d_name, "..") != 0)) return entry;
+    }
+}
+
+/// Calls visit(name) for each entry of a folder, in the order of the disk. Returns 0, or the system's error.
+///
+/// std::filesystem::directory_iterator of libstdc++ allocates where it must not throw: without memory it ends the
+/// program.
+template <class Visit>
+[[nodiscard]] int for_each_name(const std::filesystem::path& folder, const Visit& visit) {
+    const OpenFolder open(::opendir(folder.c_str()));
+    if (!open) return errno;
+    while (const dirent* const entry = next_entry(open.get())) visit(std::string_view(entry->d_name));
+    return errno;
+}
+
+/// Removes what an open folder holds, folders with all that is in them. Links are removed, not followed.
+inline void remove_entries(DIR* folder) noexcept {
+    while (const dirent* const entry = next_entry(folder)) {
+        const int here = ::dirfd(folder);
+        if (::unlinkat(here, entry->d_name, 0) == 0 || (errno != EISDIR && errno != EPERM)) continue;
+        const int inner = ::openat(here, entry->d_name, O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
+        if (inner < 0) continue;
+        if (const OpenFolder open(::fdopendir(inner)); open)
+            remove_entries(open.get());
+        else
+            ::close(inner);
+        ::unlinkat(here, entry->d_name, AT_REMOVEDIR);
+    }
+}
+
+/// Removes a folder and all that is in it; a link or a file in its place is removed, too. Takes no memory but the
+/// system's, so that destructors may call it. What cannot be removed stays.
+inline void remove_tree(const std::filesystem::path& folder) noexcept {
+    if (::unlink(folder.c_str()) == 0) return;
+    if (const OpenFolder open(::opendir(folder.c_str())); open) remove_entries(open.get());
+    ::rmdir(folder.c_str());
+}
+
+} // namespace gsh::detail

@@ -1,0 +1,140 @@
+// SPDX-License-Identifier: Apache-2.0
+/// @file  Runs programs whose calls to the system fail (tests/failures/failing_calls.cpp), and looks at what they leave.
+#pragma once
+
+#include "programs/process.hpp"
+
+#include <gsh/io/file/input_file.hpp>
+
+#include <algorithm>
+#include <cstddef>
+#include <cstdlib>
+#include <filesystem>
+#include <map>
+#include <memory>
+#include <set>
+#include <sstream>
+#include <string>
+#include <vector>
+
+namespace gsh::test {
+
+/// A call to the system that fails.
+struct FailingCall {
+    std::string kind;       ///< "open", "read", "write", "fsync", "rename", "mkdir", "close", "thread", "memory"
+    std::size_t at = 0;     ///< the n-th; 0: none
+    int error = 0;          ///< errno; 0 for a write of one byte only
+    bool and_later = false; ///< all after it, too
+
+    [[nodiscard]] std::string text() const {
+        return kind + " " + std::to_string(at) + (and_later ? "+" : "") + " with error " + std::to_string(error);
+    }
+};
+
+/// A call that was recorded.
+struct RecordedCall {
+    std::string kind, path, second;
+    bool failed = false;
+};
+
+/// A program's outcome, and its calls about files below a folder.
+struct CalledOutcome {
+    Outcome outcome;
+    std::vector<RecordedCall> calls;
+
+    [[nodiscard]] bool one_failed() const {
+        return std::any_of(calls.begin(), calls.end(), [](const RecordedCall& call) { return call.failed; });
+    }
+    /// With FailingCall::kind "memory": how many allocations the program made.
+    [[nodiscard]] std::size_t allocations() const {
+        for (const RecordedCall& call : calls)
+            if (call.kind == "allocations") return std::stoul(call.path);
+        return 0;
+    }
+    [[nodiscard]] std::size_t count(const std::string& kind) const {
+        return static_cast<std::size_t>(
+            std::count_if(calls.begin(), calls.end(), [&](const RecordedCall& call) { return call.kind == kind; }));
+    }
+};
+
+/// Runs a program in which a call about a file below `folder` fails.
+inline CalledOutcome run_failing(const std::vector<std::string>& words, const std::filesystem::path& folder,
+                                 const FailingCall& failing) {
+    const Temporary records;
+    CalledOutcome result;
+    {
+        const Variable library("LD_PRELOAD", GSH_FAILING_CALLS), under("GSH_FAIL_UNDER", folder.string()),
+            log("GSH_CALLS_LOG", (records / "calls").string()), call("GSH_FAIL_CALL", failing.kind),
+            at("GSH_FAIL_AT", std::to_string(failing.at) + (failing.and_later ? "+" : "")),
+            with("GSH_FAIL_WITH", std::to_string(failing.error));
+        result.outcome = run(words);
+    }
+    if (!std::filesystem::exists(records / "calls")) return result;
+    std::istringstream lines(read_file(records / "calls"));
+    for (std::string line; std::getline(lines, line);) {
+        std::istringstream fields(line);
+        RecordedCall recorded;
+        std::getline(fields, recorded.kind, '\t');
+        std::getline(fields, recorded.path, '\t');
+        for (std::string field; std::getline(fields, field, '\t');)
+            field == "!" ? void(recorded.failed = true) : void(recorded.second = field);
+        result.calls.push_back(recorded);
+    }
+    return result;
+}
+
+/// The files below a folder with their contents, and the folders, with a slash at the end and no content.
+using FolderState = std::map<std::string, std::string>;
+inline FolderState state_of(const std::filesystem::path& folder) {
+    FolderState state;
+    if (!std::filesystem::exists(folder)) return state;
+    for (const auto& entry : std::filesystem::recursive_directory_iterator(folder)) {
+        const std::string name = std::filesystem::relative(entry.path(), folder).string();
+        entry.is_directory() ? void(state[name + "/"]) : void(state[name] = read_file(entry.path()));
+    }
+    return state;
+}
+/// Makes a folder what it was.
+inline void restore(const std::filesystem::path& folder, const FolderState& state) {
+    std::filesystem::remove_all(folder);
+    for (const auto& [name, content] : state) {
+        const std::filesystem::path path = folder / name;
+        std::filesystem::create_directories(name.ends_with("/") ? path : path.parent_path());
+        if (!name.ends_with("/")) write_file(path, content, Sync::none);
+    }
+}
+
+/// Breaks of the rules by which a power failure leaves old files or new ones, whole; empty if there are none.
+///
+/// - A file below the folder is renamed into place only when its contents are synced, and no byte is written after.
+/// - After the last rename into a folder, that folder is synced.
+/// - No file in place is opened for writing: only NAME.partial, files in NAME.partial/, and locks are.
+/// Files in a folder *.partial/ may be renamed at will: nobody reads them there.
+inline std::vector<std::string> order_faults(const std::vector<RecordedCall>& calls) {
+    const auto in_partial = [](const std::string& path) { return path.find(".partial/") != std::string::npos; };
+    std::set<std::string> unsynced, unsynced_folders;
+    std::vector<std::string> faults;
+    const auto parent = [](const std::string& path) { return std::filesystem::path(path).parent_path().string(); };
+    for (const RecordedCall& call : calls) {
+        if (call.kind == "write") {
+            unsynced.insert(call.path);
+            const bool temporary = call.path.ends_with(".partial") || in_partial(call.path) ||
+                                   call.path.ends_with("-lock") || call.path.ends_with(".lock");
+            if (!temporary) faults.push_back("written in place: " + call.path);
+        }
+        if (call.kind == "fsync") unsynced.erase(call.path), unsynced_folders.erase(call.path);
+        if (call.kind != "rename" || call.failed) continue;
+        if (in_partial(call.second)) { // the contents keep their state under the new name
+            if (unsynced.erase(call.path) > 0) unsynced.insert(call.second);
+            continue;
+        }
+        if (unsynced.erase(call.path) > 0) faults.push_back("renamed before it was synced: " + call.second);
+        for (const std::string& path : unsynced) // a folder takes its files along
+            if (path.starts_with(call.path + "/")) faults.push_back("renamed with its folder, not synced: " + path);
+        unsynced_folders.insert(parent(call.second));
+    }
+    for (const std::string& folder : unsynced_folders) faults.push_back("a rename is not synced: " + folder);
+    return faults;
+}
+
+} // namespace gsh::test
