@@ -4,9 +4,11 @@
 #include "common/input_files.hpp"
 
 #include <gsh/core/error.hpp>
+#include <gsh/reconstruct/static_reconstruction.hpp>
 #include <gsh/setup/configuration.hpp>
 #include <gsh/train/static_model.hpp>
 
+#include <algorithm>
 #include <charconv>
 #include <system_error>
 
@@ -109,6 +111,12 @@ StaticModelParams scene_configuration_of(const ReconstructOptions& o) {
     set_all(config, o.set);
     config.density.max_gaussians = o.gaussians;
     return config;
+}
+
+StaticRecipe static_recipe(const ReconstructOptions& o) {
+    StaticRecipe recipe{.config = scene_configuration_of(o), .seed = o.seed};
+    recipe.points = std::min(recipe.points, o.gaussians);
+    return recipe;
 }
 
 std::optional<MotionSpan> held_out_span(const ReconstructOptions& o) {
