@@ -62,43 +62,47 @@ int run_export(const ExportOptions& options) {
     return exit_done;
 }
 
+void add_options(CLI::App& app, ExportOptions& o) {
+    app.add_option("input", o.input, "AVATAR.gsh, or a scene (" + scene_endings() + ")")->required();
+    app.add_option("--to", o.to, "the file to write; its ending chooses the format: " + known_endings())
+        ->required();
+    app.add_option("--poses", o.poses,
+                   "a motion in any layout that gsh reads (.npz, .bvh, .glb, folder); without it, the canonical pose; "
+                   "for .html several, without any those of the built-in actor")
+        ->allow_extra_args(false);
+    app.add_option("--frame", o.frame, "frame of the motion, for a still file (default 0)")
+        ->check(not_negative());
+    app.add_option(
+        "--frames", o.frames,
+        "frames A:B of the motion, both included, or every S-th of them, A:B:S: a moving .glb or .usda, or a "
+        "folder of numbered files named as the file without its ending; for .html the part that it plays");
+    app.add_option("--sh", o.sh_degree, "degree of SH that is kept at most (default: all that the format holds)")
+        ->check(CLI::Range(0, 3));
+    app.add_option("--up", o.up,
+                   "the vertical of " + y_down_endings() + ": -y (default), as most programs expect, or y")
+        ->check(CLI::IsMember({"y", "-y"}));
+    add_input_up(app, o.input_up);
+    app.add_option("--gaussians", o.gaussians,
+                   "merge neighbouring Gaussians that look alike until N are left, for small pictures")
+        ->check(above_zero());
+    app.add_option("--largest", o.largest, "keep the N Gaussians with the largest size times opacity")
+        ->check(above_zero());
+    app.add_option("--spz", o.spz_version, "version of .spz: 3 (default) or 4")->check(CLI::IsMember({3, 4}));
+    app.add_option("--clusters", o.clusters, "number of rigid pieces of a moving .glb (default 512)")
+        ->check(CLI::Range(1, 65536));
+    app.add_flag("--mesh", o.mesh, "write a .glb with a skinned, coloured mesh instead of Gaussians");
+    app.add_flag("--as-stored", o.as_stored,
+                 "keep the world of the motion; otherwise it is rotated so that the body stands along +y");
+    add_rig(app, o.rig);
+    add_light(app, o.light);
+    add_threads(app, o.threads);
+}
+
 } // namespace
 
 int main(int argc, char** argv) {
     ExportOptions options;
     CLI::App app("Writes avatars and scenes in formats that other programs show.", "gsh-export");
-    app.add_option("input", options.input, "AVATAR.gsh, or a scene (" + scene_endings() + ")")->required();
-    app.add_option("--to", options.to, "the file to write; its ending chooses the format: " + known_endings())
-        ->required();
-    app.add_option("--poses", options.poses,
-                   "a motion in any layout that gsh reads (.npz, .bvh, .glb, folder); without it, the canonical pose; "
-                   "for .html several, without any those of the built-in actor")
-        ->allow_extra_args(false);
-    app.add_option("--frame", options.frame, "frame of the motion, for a still file (default 0)")
-        ->check(not_negative());
-    app.add_option(
-        "--frames", options.frames,
-        "frames A:B of the motion, both included, or every S-th of them, A:B:S: a moving .glb or .usda, or a "
-        "folder of numbered files named as the file without its ending; for .html the part that it plays");
-    app.add_option("--sh", options.sh_degree, "degree of SH that is kept at most (default: all that the format holds)")
-        ->check(CLI::Range(0, 3));
-    app.add_option("--up", options.up,
-                   "the vertical of " + y_down_endings() + ": -y (default), as most programs expect, or y")
-        ->check(CLI::IsMember({"y", "-y"}));
-    add_input_up(app, options.input_up);
-    app.add_option("--gaussians", options.gaussians,
-                   "merge neighbouring Gaussians that look alike until N are left, for small pictures")
-        ->check(above_zero());
-    app.add_option("--largest", options.largest, "keep the N Gaussians with the largest size times opacity")
-        ->check(above_zero());
-    app.add_option("--spz", options.spz_version, "version of .spz: 3 (default) or 4")->check(CLI::IsMember({3, 4}));
-    app.add_option("--clusters", options.clusters, "number of rigid pieces of a moving .glb (default 512)")
-        ->check(CLI::Range(1, 65536));
-    app.add_flag("--mesh", options.mesh, "write a .glb with a skinned, coloured mesh instead of Gaussians");
-    app.add_flag("--as-stored", options.as_stored,
-                 "keep the world of the motion; otherwise it is rotated so that the body stands along +y");
-    add_rig(app, options.rig);
-    add_light(app, options.light);
-    add_threads(app, options.threads);
+    add_options(app, options);
     return run_program(app, argc, argv, [&] { return run_export(options); });
 }

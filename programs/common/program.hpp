@@ -36,6 +36,14 @@ inline void return_freed_arrays() {
 #endif
 }
 
+/// Reads the command line into the options of `app`, to which --version is added.
+///
+/// Errors  CLI::ParseError, also for --help and --version.
+inline void parse_command_line(CLI::App& app, int argc, char** argv) {
+    app.set_version_flag("--version", version_line(app.get_name()), "print the version");
+    app.parse(argc, argv);
+}
+
 /// Parses the command line, runs the work, and turns every failure into one line on standard error.
 template <class Work>
 int run_program(CLI::App& app, int argc, char** argv, const Work& work) {
@@ -46,9 +54,8 @@ int run_program(CLI::App& app, int argc, char** argv, const Work& work) {
     };
     return_freed_arrays();
     std::signal(SIGXFSZ, SIG_IGN); // a limit on file sizes then becomes an error of write, which has a message
-    app.set_version_flag("--version", version_line(app.get_name()), "print the version");
     try {
-        app.parse(argc, argv);
+        parse_command_line(app, argc, argv);
         return work();
     } catch (const CLI::ParseError& error) {
         if (error.get_exit_code() == 0) return app.exit(error); // --help, --version

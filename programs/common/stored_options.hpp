@@ -3,6 +3,8 @@
 #pragma once
 
 #include <gsh/core/error.hpp>
+#include <gsh/core/message.hpp>
+#include <gsh/io/file/json_file.hpp>
 
 #include <CLI/CLI.hpp>
 #include <nlohmann/json.hpp>
@@ -33,22 +35,26 @@ namespace gsh::programs {
 /// one can be given: where this command line has one, the earlier one's are left out. A word that named a file beside
 /// the earlier run does so again, from wherever this one is started.
 ///
-/// Errors  ValueError, beginning with `where`, for a text that given_options did not write; those of the options.
+/// Errors  ValueError or IoError, beginning with `where`, for a text that given_options did not write; those of the
+///         options.
 inline void restore_options(CLI::App& app, const std::string& text, const std::string& where,
                             const std::vector<std::string>& rivals = {}) {
-    const nlohmann::json stored = nlohmann::json::parse(text, nullptr, false);
-    check_value(stored.is_object() && stored.value("options", nlohmann::json()).is_object(), where,
-                "holds options that cannot be read; name all options again");
+    const nlohmann::json stored = gsh::detail::parse_json<nlohmann::json>(text, where + ": options", {.depth = 8});
+    check_value(stored.is_object() && stored.value("options", nlohmann::json()).is_object() &&
+                    stored.value("folder", nlohmann::json("")).is_string(),
+                where, "holds options that cannot be read; name all options again");
     const std::filesystem::path folder = stored.value("folder", std::string());
     const auto given = [&](const std::string& name) { return app.get_option(name)->count() > 0; };
     const bool rival_given = std::any_of(rivals.begin(), rivals.end(), given);
     for (const auto& [name, words] : stored["options"].items()) {
         CLI::Option* option = app.get_option_no_throw(name);
         check_value(option != nullptr && words.is_array(), where,
-                    "was written with " + name + ", which is no option any more; name all options again");
+                    "was written with " + gsh::detail::shortened(name) +
+                        ", which is no option any more; name all options again");
         const bool is_rival = std::find(rivals.begin(), rivals.end(), name) != rivals.end();
         if (option->count() > 0 || (is_rival && rival_given)) continue;
         for (const nlohmann::json& word : words) {
+            check_value(word.is_string(), where, name + " holds a word that is no text; name all options again");
             std::string value = word.get<std::string>();
             std::error_code ignored;
             if (!std::filesystem::exists(value, ignored) && std::filesystem::exists(folder / value, ignored))

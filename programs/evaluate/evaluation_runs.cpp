@@ -2,11 +2,11 @@
 #include "evaluate/evaluation_runs.hpp"
 
 #include "common/input_files.hpp"
-#include "reconstruct/static_reconstruction.hpp"
 
 #include <gsh/core/error.hpp>
 #include <gsh/core/message.hpp>
 #include <gsh/io/file/named_path.hpp>
+#include <gsh/reconstruct/static_reconstruction.hpp>
 #include <gsh/train/static_model.hpp>
 
 #include <algorithm>

@@ -178,10 +178,6 @@ std::vector<std::uint32_t> order_for(const FormatTraits& traits, const GaussianC
     return traits.splats && traits.splats->order ? traits.splats->order(cloud) : std::vector<std::uint32_t>();
 }
 
-bool is_y_down(const std::filesystem::path& scene) {
-    return is_y_down_by_custom(recognise_splats(scene));
-}
-
 std::uintmax_t bytes_of(const std::filesystem::path& path) {
     std::error_code ignored;
     if (!std::filesystem::is_directory(path, ignored)) return std::filesystem::file_size(path, ignored);

@@ -32,9 +32,6 @@ ExportResult export_avatar_file(const ExportOptions& options, const FormatTraits
 /// The order in which a format stores Gaussians best; empty for their own.
 std::vector<std::uint32_t> order_for(const FormatTraits& traits, const GaussianCloud<float>& cloud);
 
-/// True for a scene in a format that has y down unless it states otherwise.
-bool is_y_down(const std::filesystem::path& scene);
-
 /// The size of a file, or of all files of a folder.
 std::uintmax_t bytes_of(const std::filesystem::path& path);
 

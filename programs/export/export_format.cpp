@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "export/export_format.hpp"
 
+#include <gsh/io/splat/any_splats.hpp>
 #include <gsh/io/splat/splat_formats.hpp>
 
 #include <algorithm>
@@ -52,6 +53,10 @@ std::string known_endings() {
 
 std::string y_down_endings() {
     return splat_endings(SplatEndings::y_down, " and ");
+}
+
+bool is_y_down(const std::filesystem::path& scene) {
+    return is_y_down_by_custom(recognise_splats(scene));
 }
 
 std::filesystem::path without_ending(const std::filesystem::path& path, const FormatTraits& traits) {

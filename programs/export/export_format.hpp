@@ -35,6 +35,9 @@ std::string known_endings();
 /// Those of files that have y down by custom: ".ply, .compressed.ply and …".
 std::string y_down_endings();
 
+/// True for a scene in a format that has y down unless it states otherwise.
+bool is_y_down(const std::filesystem::path& scene);
+
 /// The path without the ending of its format: the folder of a sequence.
 std::filesystem::path without_ending(const std::filesystem::path& path, const FormatTraits& traits);
 

@@ -126,6 +126,12 @@ StaticModelParams scene_configuration_of(const ReconstructOptions& o) {
     return config;
 }
 
+StaticRecipe static_recipe(const ReconstructOptions& o) {
+    StaticRecipe recipe{.config = scene_configuration_of(o), .seed = o.seed};
+    recipe.points = std::min(recipe.points, o.gaussians);
+    return recipe;
+}
+
 std::optional<MotionSpan> held_out_span(const ReconstructOptions& o) {
     if (!o.hold_out_motion) return std::nullopt;
     const std::string& text = *o.hold_out_motion;

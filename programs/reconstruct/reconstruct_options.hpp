@@ -16,6 +16,7 @@
 namespace gsh {
 struct Configuration;
 struct StaticModelParams;
+struct StaticRecipe;
 } // namespace gsh
 
 namespace gsh::programs {
@@ -78,6 +79,9 @@ Configuration configuration_of(const ReconstructOptions& o);
 
 /// The same for the configuration of a static scene.
 StaticModelParams scene_configuration_of(const ReconstructOptions& o);
+
+/// The recipe of a static scene that follows from the options.
+StaticRecipe static_recipe(const ReconstructOptions& o);
 
 /// The span of --hold-out-motion. SHARE is the last share of the motion, A:B are its frames from A to B.
 /// Errors  ValueError for a text that is neither a number above 0 and below 1 nor two frames with a colon.

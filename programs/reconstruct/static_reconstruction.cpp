@@ -20,12 +20,6 @@
 
 namespace gsh::programs {
 
-StaticRecipe static_recipe(const ReconstructOptions& o) {
-    StaticRecipe recipe{.config = scene_configuration_of(o), .seed = o.seed};
-    recipe.points = std::min(recipe.points, o.gaussians);
-    return recipe;
-}
-
 std::unique_ptr<AnyStaticReconstruction> make_static_reconstruction(Machine& machine, const StaticPhotos& input,
                                                                     const StaticRecipe& recipe) {
     const Progress shown("preparing the scene");

@@ -21,9 +21,6 @@ namespace gsh::programs {
 
 class Machine;
 
-/// The recipe of a static scene that follows from the options of a reconstruction.
-StaticRecipe static_recipe(const ReconstructOptions& o);
-
 /// The scene and its figures.
 struct StaticResult {
     GaussianCloud<float> scene;

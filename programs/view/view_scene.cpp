@@ -2,7 +2,7 @@
 #include "view/view_scene.hpp"
 
 #include "common/input_files.hpp"
-#include "export/export_avatar.hpp"
+#include "export/export_format.hpp"
 #include "show/light_option.hpp"
 #include "view/shown_names.hpp"
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "fuzz/uses.hpp"
 
+#include <gsh/io/file/archive.hpp>
 #include <gsh/io/file/json_file.hpp>
 #include <gsh/io/file/npy.hpp>
 #include <gsh/io/file/npz.hpp>
@@ -44,6 +45,7 @@ const Registered npy("npy", "a.npy", [](const InputFile& file) {
 });
 
 const Registered npz("npz", "a.npz", [](const InputFile& file) {
+    attempt([&] { (void)archive_kind(file); });
     const NpzReader archive(file);
     for (const std::string& key : archive.keys()) {
         if (!archive.has_array(key)) continue;

@@ -74,7 +74,7 @@ std::vector<std::string> links_of(const fs::path& path) {
 
 std::vector<fs::path> pages_with_links() {
     std::vector<fs::path> found;
-    for (const char* name : {"README.md", "examples/README.md", "findings/README.md"})
+    for (const char* name : {"README.md", "SECURITY.md", "examples/README.md", "findings/README.md"})
         found.push_back(links_root / name);
     for (const auto& entry : fs::recursive_directory_iterator(links_root / "docs"))
         if (entry.path().extension() == ".md") found.push_back(entry.path());
