@@ -31,14 +31,13 @@ const BodyModel& smpl() {
 /// Loads a motion of any layout, poses the body with it, and writes it again.
 void read_motion(const InputFile& file, const BodyModel& body) {
     std::vector<std::string> warnings;
-    for (const auto world : {MotionFileOptions::World::as_stored, MotionFileOptions::World::upright}) {
-        MotionFileOptions options;
-        options.world = world;
-        const Motion motion = load_any_motion(file, body, options, &warnings);
-        use(motion, body);
-        must_come_back("motion.npz", motion, save_motion,
-                       [&](const std::filesystem::path& path) { return load_motion(path, body); });
-    }
+    const Motion motion = load_any_motion(file, body, {}, &warnings);
+    use(motion, body);
+    must_come_back("motion.npz", motion, save_motion,
+                   [&](const std::filesystem::path& path) { return load_motion(path, body); });
+    MotionFileOptions options;
+    options.world = MotionFileOptions::World::upright;
+    use(load_any_motion(file, body, options, &warnings), body);
     check_warnings(warnings);
 }
 void read_for_smplx(const InputFile& file) {

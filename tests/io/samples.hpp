@@ -1,5 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  The list of good files of every kind that is read. Tests damage them; they are the seeds of tests/fuzz.
+/// @file  The list of good files of every kind that is read. A test damages them. They are also the seeds of the fuzz
+///        targets; this writes them anew, folders as zip archives:
+///
+///            GSH_WRITE_SEEDS=tests/fuzz/corpus build/release/bin/test_io_all_readers --test-case='*seeds*'
 #pragma once
 
 #include <gsh/io/file/input_file.hpp>
