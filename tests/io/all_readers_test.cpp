@@ -3,16 +3,23 @@
 ///        and memory.
 
 #include "io/damage.hpp"
-#include "io/every_file.hpp"
+#include "io/npz_files.hpp"
+#include "io/samples.hpp"
+#include "io/samples_of_captures.hpp"
+#include "io/samples_of_files.hpp"
+#include "io/samples_of_motions.hpp"
 #include "io/temporary.hpp"
 
 #include <gsh/io/file/input_file.hpp>
 
 #include <sys/resource.h>
-#include <unistd.h>
 
+#include <algorithm>
+#include <cstdlib>
+#include <filesystem>
 #include <fstream>
 #include <string>
+#include <vector>
 
 using namespace gsh;
 namespace fs = std::filesystem;
@@ -43,22 +50,67 @@ private:
     bool is_set_ = false;
 };
 
+std::vector<test::Sample> write_samples(const fs::path& folder) {
+    test::Samples samples(folder);
+    test::add_array_files(samples);
+    test::add_image_files(samples);
+    test::add_splat_files(samples);
+    test::add_model_files(samples);
+    test::add_motion_files(samples);
+    test::add_camera_files(samples);
+    test::add_reconstructions(samples);
+    test::add_captures(samples);
+    return samples.all;
+}
+
+/// Writes a sample as a seed of its fuzz target: a file as it is, a folder as a zip archive.
+void write_seed(const test::Sample& sample, const fs::path& corpus) {
+    fs::create_directories(corpus / sample.target);
+    const fs::path seed = corpus / sample.target / sample.place.filename();
+    if (fs::is_regular_file(sample.place)) {
+        fs::copy_file(sample.place, seed, fs::copy_options::overwrite_existing);
+        return;
+    }
+    std::vector<fs::path> files;
+    for (const auto& entry : fs::recursive_directory_iterator(sample.place))
+        if (entry.is_regular_file()) files.push_back(entry.path());
+    std::sort(files.begin(), files.end());
+    test::ZipFile zip(seed.string() + ".zip");
+    for (const fs::path& file : files) zip.add(file.lexically_relative(sample.place).string(), read_file(file), true);
+}
+
 } // namespace
+
+TEST_CASE("the seeds of the fuzz targets are written where a variable asks for it") {
+    const char* to = std::getenv("GSH_WRITE_SEEDS");
+    if (!to) return;
+    const test::Temporary folder;
+    for (const test::Sample& sample : write_samples(folder / "")) write_seed(sample, to);
+}
 
 TEST_CASE("damaged files of every kind are read or refused by name, in time and within memory") {
     const test::Temporary folder;
-    const auto samples = test::write_file_samples(folder / "");
-    for (const test::FileSample& sample : samples) {
-        CAPTURE(sample.name);
-        CHECK_NOTHROW(sample.read(folder / sample.name));
+    const auto samples = write_samples(folder / "");
+    for (const test::Sample& sample : samples) {
+        CAPTURE(sample.place.string());
+        if (sample.whole)
+            CHECK_NOTHROW(sample.read(sample.place));
+        else
+            CHECK_THROWS_AS(sample.read(sample.place), Error);
     }
     const MemoryLimit limit;
-    for (const test::FileSample& sample : samples) {
-        CAPTURE(sample.name);
-        const fs::path file = folder / sample.name;
-        const std::string good = read_file(file);
-        const std::size_t refused = test::read_damaged(good, file, good.size() / 40 + 1, 200, sample.read);
-        CHECK(refused > (sample.name == "a.jpg" ? 60 : 10));
-        write_file(file, good, Sync::none);
+    for (const test::Sample& sample : samples) {
+        std::vector<fs::path> files;
+        for (const std::string& name : sample.damage) files.push_back(sample.place / name);
+        if (sample.damage.empty()) files.push_back(sample.place);
+        for (const fs::path& file : files) {
+            CAPTURE(file.string());
+            const std::string good = read_file(file);
+            const std::size_t refused = test::read_damaged(
+                good, file, good.size() / 40 + 1, 200, [&](const fs::path&) { sample.read(sample.place); },
+                sample.damage.empty() ? fs::path() : sample.place);
+            CHECK(refused > 10);
+            write_file(file, good, Sync::none);
+        }
     }
 }
