@@ -58,7 +58,7 @@ const Registered avatar("avatar", "a.gsh", [](const InputFile& file) {
         [](const auto& path) { return load_avatar(path); });
     const std::filesystem::path compact = scratch() / "compact.gsh";
     save_avatar(compact, data, ArrayStorage::compact);
-    use(load_avatar(compact));
+    must(load_avatar(compact).gaussians.size() == data.gaussians.size(), "a compact avatar has other Gaussians");
 });
 
 /// A training of two learned arrays without gradients: all that a checkpoint's readers ask of one.

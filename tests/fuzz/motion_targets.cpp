@@ -29,12 +29,19 @@ const BodyModel& smpl() {
 }
 
 /// Loads a motion of any layout, poses the body with it, and writes it again.
-void read_motion(const InputFile& file, const BodyModel& body) {
+void read_stored(const InputFile& file, const BodyModel& body) {
     std::vector<std::string> warnings;
     const Motion motion = load_any_motion(file, body, {}, &warnings);
     use(motion, body);
     must_come_back("motion.npz", motion, save_motion,
                    [&](const std::filesystem::path& path) { return load_motion(path, body); });
+    check_warnings(warnings);
+}
+
+/// The same, and upright.
+void read_motion(const InputFile& file, const BodyModel& body) {
+    read_stored(file, body);
+    std::vector<std::string> warnings;
     MotionFileOptions options;
     options.world = MotionFileOptions::World::upright;
     use(load_any_motion(file, body, options, &warnings), body);
@@ -49,7 +56,8 @@ void read_for_smpl(const InputFile& file) {
 
 /// The same for another rig's motion, which is retargeted, and is also written as a rig's.
 void read_rig(const InputFile& file) {
-    read_motion(file, test::skeleton_body());
+    read_stored(file, test::skeleton_body());
+    if (read_file(file).size() % 4 != 0) return; // what follows takes long, so that one size in four is enough
     const std::optional<MotionLayout> layout = recognise_motion(file);
     const std::optional<RigMotion> rig = load_rig_motion(file, *layout);
     if (!rig) return;

@@ -168,13 +168,13 @@ TEST_CASE_FIXTURE(Gala, "files that are wrong") {
 
 TEST_CASE_FIXTURE(Gala, "many joints times many vertices do not exhaust memory") {
     const int joints = 2000, points = 20000; // a table of 320 MB for 2 MB of text
-    std::string parents, tpose, matrices, mesh;
+    std::string parent_lines, tpose, matrices, mesh;
     for (int j = 0; j < joints; ++j) {
-        parents += std::to_string(j - 1) + "\n", tpose += "0,0,0\n0,0,0\n1,1,1\n";
+        parent_lines += std::to_string(j - 1) + "\n", tpose += "0,0,0\n0,0,0\n1,1,1\n";
         matrices += "1,0,0,0\n0,1,0,0\n0,0,1,0\n0,0,0,1\n";
     }
     for (int v = 0; v < points; ++v) mesh += "0,0,0\n0,0,1\n0,0\n1\n0\n";
-    test::write_text(model / "jointParent.txt", parents), test::write_text(model / "tpose.txt", tpose);
+    test::write_text(model / "jointParent.txt", parent_lines), test::write_text(model / "tpose.txt", tpose);
     test::write_text(model / "tpose_mat.txt", matrices), test::write_text(model / "mesh.txt", mesh);
     test::check_throws<IoError>([&] { (void)load_gala_rig(model); }, {"mesh.txt: the table of weights", "320000000"});
 }

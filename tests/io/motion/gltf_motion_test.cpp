@@ -287,7 +287,7 @@ TEST_CASE("damaged files are refused with the place and what was found") {
                j["nodes"].push_back({{"name", "last"}});
            }),
            {"deeper than 256 levels"});
-    refuse(changed([](J& j) { j["nodes"][2]["name"] = std::string(300, 'n'); }), {"name of 300 bytes", "at most 256"});
+    refuse(changed([](J& j) { j["nodes"][2]["name"] = std::string(800, 'n'); }), {"name of 800 bytes", "at most 768"});
     refuse(changed([](J& j) { j["nodes"][2]["rotation"] = {0, 0, 1}; }), {"rotation has 3 numbers, expected 4"});
     refuse(changed([](J& j) { j["nodes"][2]["translation"] = {{"x", 1}, {"y", 2}, {"z", 3}}; }),
            {"translation of a node is not a list"});
