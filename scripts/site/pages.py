@@ -16,7 +16,7 @@ ROOT = Path(__file__).resolve().parents[2]
 LANGUAGES = {".hpp": "cpp", ".cpp": "cpp", ".cuh": "cpp", ".cu": "cpp", ".h": "cpp", ".py": "python", ".sh": "bash",
              ".json": "json", ".txt": "cmake", ".cmake": "cmake"}
 # Pages in docs/ that are not about the use of gsh. All others are guides, in the order of docs/README.md.
-DEVELOPMENT = ["architecture", "conventions", "contributing", "testing", "dependencies", "versions"]
+DEVELOPMENT = ["architecture", "conventions", "contributing", "testing", "robustness", "dependencies", "versions"]
 MODULES = ["gsh", "gsh.torch"]  # whose public names the page of the Python API must have
 ATTRIBUTES = ["__version__", "instruction_set"]  # which have no docstring; the page describes them
 PYTHON = ["python", "python-torch", "from-gsplat", "python-api"]
@@ -26,7 +26,7 @@ _page = None  # the page that is being rendered
 
 
 def _repository_pages():
-    names = ["README.md", "CHANGELOG.md", "examples/README.md", "findings/README.md"]
+    names = ["README.md", "CHANGELOG.md", "SECURITY.md", "examples/README.md", "findings/README.md"]
     return names + sorted(str(p.relative_to(ROOT)) for p in (ROOT / "docs").rglob("*.md"))
 
 
@@ -90,7 +90,7 @@ def _navigation():
         {"Python": docs(PYTHON)},
         {"Components": ["docs/components/index.md"] + [{name: pages} for name, pages in _components()]},
         {"Notes": [f"docs/notes/{file.name}" for file in sorted((ROOT / "docs/notes").glob("*.md"))]},
-        {"Development": docs(DEVELOPMENT) + ["examples/README.md", "findings/README.md", "CHANGELOG.md"]},
+        {"Development": docs(DEVELOPMENT) + ["examples/README.md", "findings/README.md", "SECURITY.md", "CHANGELOG.md"]},
     ]
 
 
