@@ -5,6 +5,7 @@
 #include "common/backend_option.hpp"
 #include "common/exit_codes.hpp"
 #include "common/interrupts.hpp"
+#include "common/memory_reserve.hpp"
 #include "common/messages.hpp"
 #include "common/reports.hpp"
 #include "common/version.hpp"
@@ -53,6 +54,7 @@ int run_program(CLI::App& app, int argc, char** argv, const Work& work) {
         return exit_bad_input;
     };
     return_freed_arrays();
+    set_memory_aside();
     std::signal(SIGXFSZ, SIG_IGN); // a limit on file sizes then becomes an error of write, which has a message
     try {
         parse_command_line(app, argc, argv);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "view/view_server.hpp"
 
+#include "common/memory_reserve.hpp"
 #include "common/messages.hpp"
 #include "view/jpeg.hpp"
 #include "view/view_connections.hpp"
@@ -97,6 +98,7 @@ void answer(Response& response, const Work& work) {
     } catch (const Refused& refused) {
         refuse(response, refused.status, refused.message);
     } catch (const std::bad_alloc&) {
+        set_memory_aside(); // anew
         refuse(response, 507, "this takes more memory than the server has");
     } catch (const std::length_error&) { // of a container
         refuse(response, 507, "this takes more memory than the server has");

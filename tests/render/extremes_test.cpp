@@ -1,11 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 /// Numbers at the ends of their ranges, from Gaussians to pixels and back: an error that names its cause, or a finite
 /// picture and finite gradients. GSH_ALL_FAILURES adds ten million Gaussians and pictures of 8192 x 8192 pixels.
-#include <gsh/backend/serial.hpp>
-#include <gsh/backend/threads.hpp>
-#include <gsh/gaussian/cpu/static_gaussian.hpp>
+#include <gsh/cpu.hpp>
 #include <gsh/gaussian/static_gaussian.hpp>
-#include <gsh/render/cpu/rasterizer.hpp>
 #include <gsh/render/rasterizer.hpp>
 
 #include "support/contains.hpp"
@@ -154,8 +151,10 @@ TEST_CASE("scales, opacities and places at the ends of their ranges") {
     CHECK(changed("equal depth", [](auto& c, auto i) { c.means[i].z = 0; }) == "");
     CHECK(changed("denormal places", [](auto& c, auto i) { c.means[i] = vec3<float>(small, tiny, -tiny); }) == "");
     CHECK(changed("denormal colours", [](auto& c, auto i) { c.sh[4 * i] = vec3<float>(tiny, -tiny, small); }) == "");
-    CHECK(changed("denormal turns", [](auto& c, auto i) { c.quats[i] = {small, 0, tiny, 0}; }) == "");
-    CHECK(changed("no turns", [](auto& c, auto i) { c.quats[i] = {0, 0, 0, 0}; }) == "");
+    // A turn whose length is zero, or vanishes in its square, has no direction.
+    CHECK(changed("denormal turns", [](auto& c, auto i) { c.quats[i] = {small, 0, tiny, 0}; }) ==
+          test::contains("Gaussian 0 "));
+    CHECK(changed("no turns", [](auto& c, auto i) { c.quats[i] = {0, 0, 0, 0}; }) == test::contains("Gaussian 0 "));
     CHECK(changed("far away", [](auto& c, auto i) { c.means[i] = c.means[i] * 1e18f; }) == "");
 }
 
