@@ -54,6 +54,8 @@ TEST_CASE("each kind of damage is named") {
     CHECK(names(complaint([](BodyModel& m) { m.weights[4] -= 2, m.weights[5] += 2; }), "no negative number"));
     CHECK(names(complaint([](BodyModel& m) { m.parents = {-1, 2, 1, 2}; }), "cycle"));
     CHECK(names(complaint([](BodyModel& m) { m.parents = {-1, 1, 1, 2}; }), "joint 1 lies on a cycle"));
+    CHECK(names(complaint([](BodyModel& m) { m.v_template[2].y = -1e31; }), "v_template[7] is -1e+31"));
+    CHECK(names(complaint([](BodyModel& m) { m.shapedirs[0].x = 1e31; }), "shapedirs[0] is 1e+31"));
     CHECK(names(complaint([](BodyModel& m) { m.parents = {-1, 3, 1, 0}; }), "joint 1 comes before its parent 3"));
     CHECK(names(complaint([](BodyModel& m) { m.parents = {-1, 0, -1, 2}; }), "second root"));
     CHECK(names(complaint([](BodyModel& m) { m.parents = {1, -1, 1, 2}; }), "first joint must be the root"));

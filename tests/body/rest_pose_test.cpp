@@ -148,6 +148,10 @@ TEST_CASE("hips and shoulders that span no plane have no axes") {
 TEST_CASE("the hips are as high as the legs are long, and as their joint is above those of the legs") {
     RestingRig r;
     CHECK(hip_height(r.rig, r.matched) == doctest::Approx(r.leg() + 0.03)); // 0.96 m and 0.93 m above the ground
+    RigMotion flat = r.rig;
+    for (auto& joint : flat.rest_joints) joint.x = 0;
+    test::check_throws<ValueError>([&] { (void)hip_height(flat, r.matched, "walk.npz"); },
+                                   {"walk.npz: hips and shoulders"});
     move_rig(r.rig, test::turn_about(0, 0.5 * std::numbers::pi) * test::turn_about(1, 0.8), 100);
     CHECK(hip_height(r.rig, r.matched) == doctest::Approx(100 * (RestingRig().leg() + 0.03)));
 

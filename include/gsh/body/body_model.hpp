@@ -81,8 +81,18 @@ inline void validate(const BodyModel& model, std::string_view where);
 
 namespace detail {
 
+/// Numbers of bodies and motions are at most 1e30, so that products of them are finite.
+inline void check_magnitude(std::string_view where, std::string_view argument, Span<const double> values) {
+    check_finite<double>(where, argument, values);
+    constexpr double most = 1e30;
+    for (std::size_t i = 0; i < values.size(); ++i)
+        if (!(std::abs(values[i]) <= most))
+            throw ValueError(std::string(where) + ": " + std::string(argument) + "[" + std::to_string(i) + "] is " +
+                             number_text(values[i]) + ", expected at most 1e30");
+}
+
 inline void check_coordinates(std::string_view where, std::string_view argument, Span<const vec3<double>> values) {
-    check_finite<double>(where, argument, {values.empty() ? nullptr : &values[0].x, 3 * values.size()});
+    check_magnitude(where, argument, {values.empty() ? nullptr : &values[0].x, 3 * values.size()});
 }
 
 inline void check_index_range(std::string_view where, std::string_view argument, Span<const int> indices,
@@ -106,12 +116,15 @@ inline void check_tree(std::string_view where, Span<const int> parents) {
         if (parents[j] < -1 || parents[j] >= count)
             throw ValueError(at(j) + " has parent " + std::to_string(parents[j]) +
                              ", expected -1 for the root or a joint below " + std::to_string(count));
-    for (std::size_t j = 0; j < parents.size(); ++j) {
-        int ancestor = parents[j];
-        for (int steps = 0; ancestor >= 0; ++steps, ancestor = parents[static_cast<std::size_t>(ancestor)])
-            if (ancestor == static_cast<int>(j) || steps > count)
+    std::vector<int> visitor(parents.size(), -1); // the joint from which a joint was first reached
+    for (std::size_t j = 0; j < parents.size(); ++j)
+        for (int joint = static_cast<int>(j); joint >= 0; joint = parents[static_cast<std::size_t>(joint)]) {
+            int& seen = visitor[static_cast<std::size_t>(joint)];
+            if (seen == static_cast<int>(j))
                 throw ValueError(at(j) + " lies on a cycle of the kinematic tree; parents must lead to the root");
-    }
+            if (seen >= 0) break; // from there on to the root, as was seen before
+            seen = static_cast<int>(j);
+        }
     for (std::size_t j = 0; j < parents.size(); ++j) {
         if ((parents[j] < 0) != (j == 0))
             throw ValueError(at(j) + (j == 0 ? " has a parent; the first joint must be the root"
@@ -168,7 +181,7 @@ inline void validate(const BodyModel& model, std::string_view where) {
     for (std::size_t j = 0; j < J; ++j) {
         double sum = 0;
         for (const auto& [vertex, weight] : model.J_regressor[j]) {
-            if (vertex < 0 || static_cast<std::size_t>(vertex) >= V || !std::isfinite(weight))
+            if (vertex < 0 || static_cast<std::size_t>(vertex) >= V || !(std::abs(weight) <= 1e30))
                 throw ValueError(std::string(where) + ": J_regressor row " + std::to_string(j) + " holds weight " +
                                  detail::number_text(weight) + " of vertex " + std::to_string(vertex) +
                                  ", expected a finite weight of a vertex below " + std::to_string(V));

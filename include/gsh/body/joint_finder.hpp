@@ -233,17 +233,20 @@ private:
             return joint.empty() ? -1 : at(prefix + std::string(joint));
         };
         const int above = known.joint == "eye" ? at("head") : matched(place.above);
-        std::vector<int> below;
-        if (const int joint = matched(place.below); joint >= 0) below.push_back(joint);
+        std::vector<bool> carries(rig_.joint_count(), false); // joints above one that may be the one below
+        const auto mark = [&](int below) {
+            for (int j = tree_.parent(below); j >= 0 && !carries[static_cast<std::size_t>(j)]; j = tree_.parent(j))
+                carries[static_cast<std::size_t>(j)] = true;
+        };
+        const int known_below = matched(place.below);
+        if (known_below >= 0) mark(known_below);
         for (const KnownJoint& other : known_side_joints())
-            if (other.joint == place.below && below.empty())
+            if (other.joint == place.below && known_below < 0)
                 for (const std::string& part : other.parts)
-                    for (const int joint : called(side, part)) below.push_back(joint);
+                    for (const int joint : called(side, part)) mark(joint);
         match_fitting(prefix + known.joint, side, parts_of(known, side), [&](int joint) {
             if (above >= 0 && !tree_.is_above(above, joint)) return false;
-            return place.below.empty() || std::any_of(below.begin(), below.end(), [&](int other) {
-                       return other != joint && tree_.is_above(joint, other);
-                   });
+            return place.below.empty() || carries[static_cast<std::size_t>(joint)];
         });
     }
 

@@ -66,6 +66,10 @@ struct JointWords {
 /// which holds for each name the last number that was given to it, so that many equal names take no quadratic time.
 [[nodiscard]] inline std::string unique_joint_name(const std::string& name, std::map<std::string, int>& taken);
 
+/// The most bytes of a joint's name that readers accept. The time to find joints by their names grows with the square
+/// of the number of a name's words.
+inline constexpr std::size_t longest_joint_name = 256;
+
 // -------------------------------------------------------------------------------------------------------------
 
 inline int smplx_joint(std::string_view name) {

@@ -96,8 +96,8 @@ inline void validate(const Motion& motion, const BodyModel& model, std::string_v
                                static_cast<std::size_t>(model.expression_count));
     detail::check_coordinates(where, "pose", motion.pose);
     detail::check_coordinates(where, "transl", motion.transl);
-    check_finite<double>(where, "betas", motion.betas);
-    check_finite<double>(where, "expression", motion.expression);
+    detail::check_magnitude(where, "betas", motion.betas);
+    detail::check_magnitude(where, "expression", motion.expression);
     check_finite<double>(where, "timestamps", motion.timestamps);
 }
 

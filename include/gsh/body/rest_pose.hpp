@@ -30,7 +30,10 @@ namespace gsh {
 
 /// Height of the hips above the ankles in the rest pose with legs stretched: the length of the legs, and the height of
 /// the hips' joint above those of the legs.
-[[nodiscard]] inline double hip_height(const RigMotion& rig, const MatchedJoints& matched);
+///
+/// Errors  those of facing.
+[[nodiscard]] inline double hip_height(const RigMotion& rig, const MatchedJoints& matched,
+                                       std::string_view where = "hip_height");
 
 /// A guess of the unit of lengths, from the legs: a person's are 0.3 to 3 m long.
 struct LengthUnit {
@@ -129,10 +132,10 @@ inline mat3<double> facing(const RigMotion& rig, const MatchedJoints& matched, s
     return {cross(exact, z), exact, z};
 }
 
-inline double hip_height(const RigMotion& rig, const MatchedJoints& matched) {
+inline double hip_height(const RigMotion& rig, const MatchedJoints& matched, std::string_view where) {
     const double left = detail::leg_length(rig, matched, "left_"), right = detail::leg_length(rig, matched, "right_");
     const detail::JointPair hips(rig.rest_joints.data(), matched, "left_hip", "right_hip");
-    const mat3<double> axes = facing(rig, matched, "hip_height");
+    const mat3<double> axes = facing(rig, matched, where);
     const int pelvis = detail::matched_joint(matched, "pelvis");
     return (left + right) / 2 + dot(rig.rest_joints[static_cast<std::size_t>(pelvis)] - hips.mean, axes[1]);
 }

@@ -199,9 +199,9 @@ inline RetargetPlan plan_retarget(const RigMotion& rig, const BodyModel& body, c
         C[j] = foot ? foot_turn(d, wanted) : shortest_turn(C[j] * d, wanted) * C[j];
     }
     for (const auto& c : C) plan.alignment.push_back(F * c);
-    const double height = hip_height(plan.rest, plan.source);
+    const double height = hip_height(plan.rest, plan.source, where);
     check_value(height > 1e-9, where, "the legs of the rest pose have no length");
-    plan.leg = hip_height(own, plan.target);
+    plan.leg = hip_height(own, plan.target, where);
     plan.scale = plan.leg / height;
     if (!has_same_legs(own, plan.target, plan.rest, plan.source, plan.scale))
         if (matched_joint(plan.target, "left_ankle") >= 0 && matched_joint(plan.target, "right_ankle") >= 0)

@@ -59,7 +59,7 @@ TEST_CASE("damaged rigs are refused with file and bone") {
     check_refused(with_head(R"({"strategy": "CUBE", "cube_name": "body"})"), {"'body'", "101 faces", "small cube"});
     check_refused(with_head(R"({"strategy": "VERTEX", "vertex_index": 10})"), {"vertex 10", "below 10"});
     check_refused(with_head(R"({"strategy": "MEAN", "vertex_indices": [1, -1]})"), {"vertex -1"});
-    check_refused(with_head(R"({"strategy": "MEAN", "vertex_indices": []})"), {"vertex_indices is empty"});
+    check_refused(with_head(R"({"strategy": "MEAN", "vertex_indices": []})"), {"vertex_indices holds 0 vertices"});
     check_refused(R"({"a": )" + bone_json(vertex_end, R"("b")") + "}", {"bone 'a'", "'b'", "no bone"});
     check_refused(R"({"a": )" + bone_json(vertex_end, R"("b")") + R"(, "b": )" + bone_json(vertex_end, R"("a")") + "}",
                   {"cycle"});

@@ -165,4 +165,6 @@ TEST_CASE("bad files") {
     test::check_throws<ValueError>(read, {path.string(), "fps"});
     write_file(path, "{\"test_frames\": [-1], \"cameras\": [" + entry() + "]}");
     test::check_throws<ValueError>(read, {path.string(), "test_frames"});
+    write_file(path, "{\"test_frames\": [3, 3], \"cameras\": [" + entry() + "]}");
+    test::check_throws<ValueError>(read, {path.string(), "test_frames holds 3 twice"});
 }

@@ -195,8 +195,11 @@ TEST_CASE("lines that are no reconstruction are refused by number") {
     refuse("cameras.txt", "1 PINHOLE 64 48 0 50 32 24\n", {"line 1", "focal"});
     refuse("cameras.txt", "1 PINHOLE 0 48 50 50 32 24\n", {"line 1", "0 x 48"});
     refuse("images.txt", "1 0 0 0 0 0 0 1 7 a.png\n\n", {"images.txt: line 1", "quaternion"});
+    refuse("images.txt", "1 1e200 0 0 0 0 0 1 7 a.png\n\n", {"images.txt: line 1", "quaternion of length inf"});
     refuse("images.txt", "1 1 0 0 0 0 0 inf 7 a.png\n\n", {"line 1"});
     refuse("images.txt", "1 1 0 0 0 0 0 1 70 a.png\n\n", {"line 1", "camera 70"});
+    refuse("images.txt", "1 1 0 0 0 0 0 1 7 a\x01.png\n\n", {"line 1", "'a?.png'", "cannot be shown"});
+    refuse("images.txt", "1 1 0 0 0 0 0 1 7 " + std::string(300, 'a') + "\n\n", {"line 1", "longer than 255 bytes"});
     refuse("images.txt", "1 1 0 0 0 0 0 1 7\n\n", {"line 1", "ends too early"});
     refuse("points3D.txt", "1 0 0 0 256 0 0 1\n", {"points3D.txt: line 1", "colour"});
     refuse("points3D.txt", "1 0 0\n", {"line 1", "ends too early"});

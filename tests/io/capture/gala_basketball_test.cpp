@@ -166,6 +166,19 @@ TEST_CASE_FIXTURE(Gala, "files that are wrong") {
     expect(scene / "camera/1.txt", [](std::string& t) { t.replace(t.find("1,1,1"), 5, "1,2,1"); }, {"scale differs"});
 }
 
+TEST_CASE_FIXTURE(Gala, "many joints times many vertices do not exhaust memory") {
+    const int joints = 2000, points = 20000; // a table of 320 MB for 2 MB of text
+    std::string parents, tpose, matrices, mesh;
+    for (int j = 0; j < joints; ++j) {
+        parents += std::to_string(j - 1) + "\n", tpose += "0,0,0\n0,0,0\n1,1,1\n";
+        matrices += "1,0,0,0\n0,1,0,0\n0,0,1,0\n0,0,0,1\n";
+    }
+    for (int v = 0; v < points; ++v) mesh += "0,0,0\n0,0,1\n0,0\n1\n0\n";
+    test::write_text(model / "jointParent.txt", parents), test::write_text(model / "tpose.txt", tpose);
+    test::write_text(model / "tpose_mat.txt", matrices), test::write_text(model / "mesh.txt", mesh);
+    test::check_throws<IoError>([&] { (void)load_gala_rig(model); }, {"mesh.txt: the table of weights", "320000000"});
+}
+
 TEST_CASE_FIXTURE(Gala, "files that are missing or do not belong together") {
     const auto fails = [&](std::initializer_list<std::string_view> words, const CaptureOptions& options = {}) {
         test::check_throws<Error>([&] { (void)load_gala_scene(serial, scene, options); }, words);

@@ -183,6 +183,17 @@ TEST_CASE("keypoints that are no pixels of the images are refused") {
     CHECK(has(refused(480, -480), "lie outside"));
 }
 
+TEST_CASE("the message about an annotation of no photograph is short, however long its number is") {
+    test::Temporary folder;
+    const Json json{{"images", {{{"id", 1}, {"file_name", "left/0.png"}}}},
+                    {"annotations", {{{"image_id", std::vector<int>(1000, 7)}, {"keypoints", points(17)}}}}};
+    test::write_text(folder / "all.json", json.dump());
+    const std::string message =
+        message_of([&] { (void)load_keypoints(folder / "all.json", cameras_called({"left"}), 10); });
+    CHECK(message == test::contains("image_id [7,7,7"));
+    CHECK(message.size() < 300);
+}
+
 TEST_CASE("a file of COCO-WholeBody is read; visibility counts as confidence, up to 1") {
     test::Temporary folder;
     Json body = points(17);

@@ -241,6 +241,12 @@ TEST_CASE_FIXTURE(Subject, "a photograph whose mask is empty is not taken; syste
     CHECK(missing == 1);
 }
 
+TEST_CASE_FIXTURE(Subject, "a number far from the others does not make a video of a billion frames") {
+    std::filesystem::rename(mask_file(9), path / "masks/mask_999999999.npy");
+    std::filesystem::remove(mask_file(2)); // so that the numbers tell which mask is missing
+    test::check_throws<ShapeError>([&] { (void)load(); }, {"anna/images", "from 0 to 999999999", "only 10 files"});
+}
+
 TEST_CASE_FIXTURE(Subject, "files that do not belong together") {
     const auto fails = [&](std::initializer_list<std::string_view> words) {
         test::check_throws<Error>([&] { (void)load(); }, words);

@@ -82,6 +82,17 @@ const Camera<double>& pinhole(const EstimatedView& view) {
 
 } // namespace
 
+TEST_CASE("a map that many views name, and a crop without pixels, are refused") {
+    const PriorFiles& files = prior_files();
+    std::string views;
+    for (int k = 0; k < 17; ++k)
+        views += std::string(k ? ", " : "") + R"({"normals": "normals.png", "camera": "front", "frame": 1})";
+    check_throws<ValueError>([&] { (void)files.read("[" + views + "]"); },
+                             {"priors.json: views[16]", "normals is a map that 16 views before it name"});
+    check_throws<ValueError>([&] { (void)files.view(R"({"crop": [0, 0, 1e-320, 1e-320]})"); },
+                             {"priors.json: views[0]", "the camera of the crop"});
+}
+
 TEST_CASE("a view is its map, camera, frame and person") {
     const PriorFiles& files = prior_files();
     const auto people = files.read(R"({"views": [

@@ -110,4 +110,11 @@ TEST_CASE("parts that do not fit each other are refused") {
     refuse(quantised({1, 3}, {NAN}, {1}), {"offset"});
     refuse(quantised({6}, {0}, {1}), {"x.q"});
     refuse([](NpzWriter& file) { file.add("y", 1.0); }, {"x", "missing"});
+
+    // Bytes that deflate to next to nothing become doubles.
+    NpzWriter writer(folder / "b.npz", Packing::deflated);
+    quantised({1, 9000000}, {0}, {1})(writer);
+    writer.commit();
+    const NpzReader file(folder / "b.npz");
+    test::check_throws<IoError>([&] { (void)read_numbers<double>(file, "x"); }, {"b.npz: x inflates", "72000000"});
 }

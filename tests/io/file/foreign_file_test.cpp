@@ -67,6 +67,8 @@ TEST_CASE_FIXTURE(Kinds, "kinds by first bytes") {
         {std::string("\x93NUMPY\x01\0v\0{'descr': '|O', 'fortran_order': False, 'shape': (), }"sv), "pickled object"},
         {std::string("\x93NUMPY\x01\0v\0{'descr': '<f4', 'fortran_order': False, 'shape': (20, 322), }"sv),
          "single array of NumPy (.npy) of shape (20, 322)"},
+        {std::string("\x93NUMPY\x01\0v\0{'shape': (2\n\x01, "sv) + std::string(99, '1') + ")",
+         "of shape (2??, 1111111111111111111111111111111111…"},
         {"\x89HDF\r\n\x1a\n", "HDF5"},
         {"MATLAB 5.0 MAT-file, Platform: posix", "version 5"},
         {"MATLAB 7.3 MAT-file, Platform: posix", "7.3, which is HDF5"},

@@ -220,6 +220,8 @@ TEST_CASE("elements without bytes, and rows without numbers, are counted before 
                     ""),
                 true);
         zip.add("empty.npy", npy("<U3", "(0,)", ""), true);
+        zip.add("beyond.npy", npy("<U1", "()", std::string("\0\0\x11\0", 4)), true);
+        zip.add("half.npy", npy("<U1", "()", std::string("\0\xd8\0\0", 4)), true); // of a pair of UTF-16
         zip.add("narrow.npy", npy("<f8", "(20000, 3, 0)", ""), true);
     }
     const NpzReader file(path);
@@ -230,6 +232,9 @@ TEST_CASE("elements without bytes, and rows without numbers, are counted before 
     test::check_throws<IoError>([&] { (void)file.read<double>("structured"); }, {"structured array", "plain numbers"});
     test::check_throws<IoError>([&] { (void)file.read<double>("axes"); }, {"axes", "1000000000000000000, …)"});
     CHECK(file.read_texts("empty").empty());
+    for (const char* key : {"beyond", "half"})
+        test::check_throws<IoError>([&] { (void)file.read_texts(key); },
+                                    {path.string() + ": " + key, "no character of Unicode"});
     CHECK(file.read<double>("narrow", {-1, 3, -1}).shape == Shape{20000, 3, 0});
 }
 

@@ -8,6 +8,7 @@
 
 #include <gsh/io/file/opencv_yaml.hpp>
 
+#include <chrono>
 #include <string>
 #include <vector>
 
@@ -121,4 +122,17 @@ TEST_CASE_FIXTURE(Yaml, "what does not fit is refused with file and key") {
     refuse("w: [1]\n", {"v is missing"});
     refuse("PK\x03\x04 no text\n", {"a.yml: is a zip archive"});
     refuse("\x01\x02 no text\n", {"a.yml: '?? no text' is not KEY: VALUE"});
+}
+
+TEST_CASE_FIXTURE(Yaml, "blanks without end are read in time, and sizes without end are refused in short") {
+    const std::string blanks(1 << 20, ' ');
+    const auto begin = std::chrono::steady_clock::now();
+    CHECK(read("names: [" + blanks + "\"01\"," + blanks + "02" + blanks + "]\n").texts("names") ==
+          std::vector<std::string>{"01", "02"});
+    CHECK(std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count() < 5);
+    std::string sizes;
+    for (int k = 0; k < 1000; ++k) sizes += "1 ";
+    test::check_throws<ShapeError>(
+        [&] { (void)read("a: !!opencv-nd-matrix\n  sizes: [ " + sizes + "]\n  data: [ 1, 2 ]\n").matrix("a", 0); },
+        {"a.yml: a has 1000 sizes"});
 }

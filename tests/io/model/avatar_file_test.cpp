@@ -384,6 +384,8 @@ TEST_CASE("what cannot be an avatar is refused by name") {
     refused([](AvatarData& a) { a.rig.joints[1].x = none; }, "joints[3] is");
     refused([](AvatarData& a) { a.rig.barycentric[1].y = none; }, "barycentric[4] is");
     refused([](AvatarData& a) { a.rig.skin.weights[5] = none; }, "skin_weights[5] is");
+    refused([](AvatarData& a) { a.rig.skin.weights[0] += 0.5; }, "skin_weights of Gaussian 0 sum to 1.5");
+    refused([](AvatarData& a) { a.rig.barycentric[1].y = 1e31; }, "barycentric[4] is 1e+31");
     refused([](AvatarData& a) { a.gaussians.quats[1].w = float(none); }, "quats[4] is");
 
     avatar = small_avatar();

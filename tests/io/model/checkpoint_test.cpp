@@ -105,6 +105,25 @@ TEST_CASE("a checkpoint of another training is refused, and nothing is taken ove
     CHECK_THROWS_AS(ArchiveReader(file.path, "checkpoint", checkpoint_version + 1), IoError);
 }
 
+TEST_CASE("a checkpoint that states no possible progress is refused") {
+    const SmallScene scene;
+    SmallTraining<cpu::Serial> training(scene);
+    const TemporaryFile file("gsh-checkpoint-progress-");
+    training.trainer.resume(3, 1.5);
+    {
+        ArchiveWriter writer(file.path, "checkpoint", checkpoint_version);
+        add_trainer(writer, training.trainer);
+        writer.commit();
+    }
+    std::string message;
+    try {
+        load_trainer(ArchiveReader(file.path, "checkpoint", checkpoint_version), training.trainer);
+    } catch (const ValueError& error) {
+        message = error.what();
+    }
+    CHECK(message == test::contains("states that 1.5 of the training is done"));
+}
+
 TEST_CASE("a checkpoint of a training that learns more, less or other arrays is refused, and nothing is taken over") {
     const SmallScene scene;
     SmallTraining<cpu::Serial> plain(scene), shaded(scene, cpu::Serial(), 3, {.ao = AmbientOcclusion::time}),

@@ -149,6 +149,9 @@ TEST_CASE("folders of one .npz a frame, as SMPLer-X writes them") {
     frame("lost/frame_1.npz", 0, true), frame("lost/frame_2.npz", 0, true, "jaw_pose");
     test::check_throws<IoError>([&] { (void)load_any_motion(folder / "lost", body); },
                                 {"frame_2.npz: jaw_pose is missing"});
+    for (int person = 1; person < 300; ++person) frame("crowd/1_" + std::to_string(person) + ".npz", 0, true);
+    test::check_throws<IoError>([&] { (void)load_any_motion(folder / "crowd", body); },
+                                {"person 0 is missing, there are 1, 2, 3, 4, 5, 6, 7, 8 and 291 more"});
     frame("twice/1.npz", 0, true), frame("twice/01.npz", 0, true);
     test::check_throws<IoError>([&] { (void)load_any_motion(folder / "twice", body); },
                                 {"1.npz: its number is that of"});

@@ -16,6 +16,7 @@
 #include <gsh/io/motion/bvh_file.hpp>
 
 #include <algorithm>
+#include <chrono>
 #include <sstream>
 #include <string>
 #include <tuple>
@@ -203,6 +204,7 @@ TEST_CASE("damaged files are refused with the line and what was found") {
     refuse(small_file({{"4 5 6", "4 1e999 6"}}), {":20:", "'1e999'"});
     refuse(small_file({{"4 5 6", "4 5,0 6"}}), {":20:", "'5,0'"});
     refuse(small_file({{"JOINT Knee", "JOINT"}}), {":6:", "without a name"});
+    refuse(small_file({{"JOINT Knee", "JOINT " + std::string(300, 'k')}}), {":6:", "300 bytes, expected at most 256"});
     refuse(small_file({{"OFFSET 0 -1 0", "OFFSET 0 -1"}}), {":8:", "2 numbers", "expected 3"});
     refuse(small_file({{"  }\n}\nMOTION", "  }\nMOTION"}}), {"brace"});
     refuse(small_file({{"MOTION\n", "ROOT Second\n{\nOFFSET 0 0 0\n}\nMOTION\n"}}), {"second ROOT", "Hip: the first"});
@@ -220,6 +222,22 @@ TEST_CASE("damaged files are refused with the line and what was found") {
     for (int frame = 0; frame < 8000; ++frame) wide += "0\n";
     refuse(wide, {"8000 frames of 4001 joints", "at most"});
     test::check_throws<IoError>([&] { (void)load_bvh(folder / "none.bvh"); }, {"none.bvh", "No such file"});
+}
+
+TEST_CASE("thousands of joints with the names of a leg are refused within a moment") {
+    const test::Temporary folder;
+    std::string text = "HIERARCHY\nROOT Hips\n{\nOFFSET 0 0 0\nCHANNELS 1 Xrotation\n";
+    for (const char* name : {"LeftUpLeg", "LeftLeg"}) { // ladders of 200 joints, each with nine beside it
+        for (int level = 0; level < 200; ++level) {
+            for (int k = 0; k < 9; ++k) text += std::string("JOINT ") + name + "\n{\nOFFSET 0 1 0\n}\n";
+            text += std::string("JOINT ") + name + "\n{\nOFFSET 0 1 0\n";
+        }
+        for (int level = 0; level < 200; ++level) text += "}\n";
+    }
+    write_file(folder / "a.bvh", text + "}\nMOTION\nFrames: 1\nFrame Time: 0.1\n0\n");
+    const auto begin = std::chrono::steady_clock::now();
+    test::check_throws<ValueError>([&] { (void)load_bvh(folder / "a.bvh"); }, {"a.bvh", "several joints"});
+    CHECK(std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count() < 5);
 }
 
 TEST_CASE("a file that is cut or changed anywhere is read or refused, never anything else") {

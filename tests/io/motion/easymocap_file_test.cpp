@@ -358,6 +358,7 @@ TEST_CASE_FIXTURE(Scene, "OpenCV's YAML: cameras with rotation vectors or matric
     expect("intri.yml", intrinsics, "100, 0, 31.5", "100, nan, 31.5", {"intri.yml: K_02", "finite"});
     expect("intri.yml", intrinsics, "100, 0, 31.5", "100, 31.5", {"intri.yml: K_02 has 8 numbers, expected 9"});
     expect("intri.yml", intrinsics, "100, 0, 31.5", "0, 0, 31.5", {"02", "singular"});
+    expect("intri.yml", intrinsics, "W_02: 64", "W_02: 64.5", {"intri.yml: W_02", "64.5", "expected pixels"});
     expect("intri.yml", intrinsics, "W_02: 64", "W_02: 1e30", {"W_02", "pixels"});
     expect("intri.yml", intrinsics, "names:", "nomes:", {"names is missing"});
     const std::string distortion = "cols: 5\n  dt: d\n  data: [-1.0e-01, 2e-2, 0.001, -0.001, 0";

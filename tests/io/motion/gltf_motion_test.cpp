@@ -287,6 +287,7 @@ TEST_CASE("damaged files are refused with the place and what was found") {
                j["nodes"].push_back({{"name", "last"}});
            }),
            {"deeper than 256 levels"});
+    refuse(changed([](J& j) { j["nodes"][2]["name"] = std::string(800, 'n'); }), {"name of 800 bytes", "at most 768"});
     refuse(changed([](J& j) { j["nodes"][2]["rotation"] = {0, 0, 1}; }), {"rotation has 3 numbers, expected 4"});
     refuse(changed([](J& j) { j["nodes"][2]["translation"] = {{"x", 1}, {"y", 2}, {"z", 3}}; }),
            {"translation of a node is not a list"});
@@ -297,6 +298,10 @@ TEST_CASE("damaged files are refused with the place and what was found") {
                        if (node["name"] == "mixamorig:Right" + bone) node["name"] = "mixamorig:Left" + bone;
            }),
            {"left_hip ('mixamorig:LeftUpLeg', 'mixamorig:LeftUpLeg#2')", "joint map"});
+    { // two keys an hour apart, of joints that have no bytes for each frame between them
+        auto files = test::gltf_of(test::sample_rig({.frames = 2}), {.step = 4000});
+        refuse(files.glb(), {"frames of", "made to exhaust memory"});
+    }
     refuse(changed([](J& j) { j["animations"] = J::array(); }), {"no animations"});
     refuse(changed([](J& j) { j.erase("animations"); }), {"no animations"});
     refuse(changed([](J& j) { j["animations"][0]["channels"][0]["target"]["node"] = 4000; }),

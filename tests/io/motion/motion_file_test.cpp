@@ -310,6 +310,9 @@ TEST_CASE("bad motion files name the file and the key") {
         expect([&](MotionArrays& p) { p.arrays[key].data[1] = std::numeric_limits<double>::quiet_NaN(); },
                {std::string(key) + "[0, 1]", "NaN"});
     }
+    // Numbers whose products are not finite.
+    expect([](MotionArrays& p) { p.arrays["body_pose"].data[0] = 1e200; }, {"pose[3] is 1e+200", "at most 1e30"});
+    expect([](MotionArrays& p) { p.arrays["betas"].data[1] = -1e200; }, {"betas[1] is -1e+200", "at most 1e30"});
     expect([](MotionArrays& p) { p.set("global_orient", {T, 4}); }, {"global_orient", "(3, 4)", "expected (*, 3)"});
     expect([](MotionArrays& p) { p.set("global_orient", {}); }, {"global_orient", "()"});
     expect([](MotionArrays& p) { p.set("body_pose", {T, 60}); }, {"body_pose has 60", "63"});

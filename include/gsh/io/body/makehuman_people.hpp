@@ -10,6 +10,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <initializer_list>
+#include <set>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -145,9 +146,8 @@ inline std::vector<MakeHumanMeasure> measures_in(const std::string& folder, cons
                                                                            {"-convex", "-concave"},
                                                                            {"-compress", "-uncompress"}}};
     constexpr std::string_view ending = ".target";
-    const auto there = [&](const std::string& name) {
-        return std::find(files.begin(), files.end(), name + std::string(ending)) != files.end();
-    };
+    const std::set<std::string_view> known(files.begin(), files.end());
+    const auto there = [&](const std::string& name) { return known.contains(name + std::string(ending)); };
     std::vector<MakeHumanMeasure> measures;
     for (std::string_view file : files) {
         if (!file.ends_with(ending) || file.starts_with("r-")) continue; // the left one stands for both

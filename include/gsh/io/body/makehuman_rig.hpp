@@ -65,7 +65,8 @@ inline std::vector<int> bone_end_vertices(const Json& json, const std::string& w
         vertices = {end.integer("vertex_index")};
     } else if (strategy == "MEAN") {
         vertices = end.integers("vertex_indices");
-        check_value(!vertices.empty(), where, "vertex_indices is empty, expected at least one vertex");
+        check_value(!vertices.empty() && vertices.size() <= 1000, where,
+                    "vertex_indices holds " + std::to_string(vertices.size()) + " vertices, expected 1 to 1000");
     } else {
         throw IoError(where + ": strategy is '" + shortened(strategy) + "', expected CUBE, VERTEX or MEAN");
     }

@@ -135,8 +135,11 @@ inline CameraList read_camera_list(const Json& json, const std::string& name) {
     }
     if (object.has("floor_y")) result.floor_y = object.number("floor_y");
     if (object.has("test_frames")) result.test_frames = object.integers("test_frames");
+    std::set<int> seen;
     for (const int frame : result.test_frames)
-        check_value(frame >= 0, name, "test_frames holds " + std::to_string(frame) + ", expected frame numbers from 0");
+        check_value(frame >= 0 && seen.insert(frame).second, name,
+                    "test_frames holds " + std::to_string(frame) + (frame < 0 ? "" : " twice") +
+                        ", expected frame numbers from 0, each once");
     return result;
 }
 

@@ -5,6 +5,7 @@
 #include <gsh/camera/distortion.hpp>
 #include <gsh/camera/pinhole.hpp>
 #include <gsh/core/error.hpp>
+#include <gsh/core/message.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/io/capture/colmap_file.hpp>
 #include <gsh/io/file/named_path.hpp>
@@ -101,7 +102,8 @@ inline ColmapCamera colmap_camera(const std::string& where, const ColmapModel& m
 inline void set_colmap_pose(const std::string& where, Camera<double>& camera, const std::array<double, 7>& v) {
     check_finite(where, "pose", Span<const double>(v));
     const quat<double> q{v[0], v[1], v[2], v[3]};
-    check_value(dot(q, q) > 1e-12, where, "has a quaternion of length 0");
+    check_value(dot(q, q) > 1e-12 && dot(q, q) < 1e12, where,
+                "has a quaternion of length " + number_text(std::sqrt(dot(q, q))));
     camera.R = rotation_matrix(normalize(q));
     camera.t = {v[4], v[5], v[6]};
 }
@@ -112,6 +114,7 @@ inline ColmapImage colmap_image(const std::string& where, const ColmapCameras& c
                                 std::string name, const std::array<double, 7>& pose) {
     check_value(stays_inside(name), where,
                 "has the name '" + shortened(name) + "', which leads out of the folder of images");
+    check_printable_name(name, where);
     const auto camera = cameras.find(camera_id);
     check_value(camera != cameras.end(), where,
                 "is of camera " + std::to_string(camera_id) + ", which the list of cameras lacks");

@@ -18,7 +18,9 @@
 #include <cmath>
 #include <cstddef>
 #include <filesystem>
+#include <map>
 #include <optional>
+#include <set>
 #include <string>
 #include <system_error>
 #include <utility>
@@ -107,11 +109,13 @@ inline FilmedCamera read_filmed_camera(const Json& json, const std::string& plac
 /// Gives the cameras their calibration.
 inline void calibrate(Detections& result, const std::filesystem::path& path) {
     const CameraList list = read_cameras(path);
+    std::map<std::string, const NamedCamera*> by_name;
+    for (const NamedCamera& camera : list.cameras) by_name[camera.name] = &camera;
     for (NamedCamera& camera : result.cameras) {
-        const auto found = std::find_if(list.cameras.begin(), list.cameras.end(),
-                                        [&](const NamedCamera& other) { return other.name == camera.name; });
-        if (found == list.cameras.end())
+        const auto place = by_name.find(camera.name);
+        if (place == by_name.end())
             throw IoError(path.string() + ": has no camera " + shortened(camera.name) + ", which video.json lists");
+        const NamedCamera* const found = place->second;
         const std::string where = path.string() + ": camera " + shortened(camera.name);
         check_value(found->camera.width == camera.camera.width && found->camera.height == camera.camera.height, where,
                     "is of images of " + std::to_string(found->camera.width) + " x " +
@@ -163,12 +167,12 @@ inline Detections load_detections(const std::filesystem::path& folder) {
     if (const detail::JsonObject whole(json, video.string()); whole.has("masks_by_body"))
         result.masks_by_body = whole.boolean("masks_by_body");
     std::vector<std::vector<double>> times; // of each camera
+    std::set<std::string> names;
     std::string longest;
     const auto place = [&](std::size_t c) { return video.string() + ": cameras[" + std::to_string(c) + "]"; };
     for (std::size_t c = 0; c < list.size(); ++c) {
         detail::FilmedCamera filmed = detail::read_filmed_camera(list[c], place(c));
-        for (const NamedCamera& other : result.cameras)
-            check_value(other.name != filmed.camera.name, place(c), "name stands there twice");
+        check_value(names.insert(filmed.camera.name).second, place(c), "name stands there twice");
         if (filmed.times.size() > result.times.size())
             result.times = filmed.times, longest = detail::shortened(filmed.camera.name);
         times.push_back(std::move(filmed.times));

@@ -12,6 +12,7 @@
 #include <gsh/math/rotation.hpp>
 
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
 #include <set>
 #include <string>
@@ -44,7 +45,9 @@ namespace gsh {
         K[2] += 0.5, K[5] += 0.5;
         if (intrinsics.has("W_" + name) && intrinsics.has("H_" + name)) {
             const double width = intrinsics.number("W_" + name), height = intrinsics.number("H_" + name);
-            check_value(width >= 1 && height >= 1 && width <= 65535 && height <= 65535, intrinsics.name_of("W_" + name),
+            check_value(width >= 1 && height >= 1 && width <= 65535 && height <= 65535 && width == std::floor(width) &&
+                            height == std::floor(height),
+                        intrinsics.name_of("W_" + name),
                         "and H_ are " + detail::number_text(width) + " x " + detail::number_text(height) +
                             ", expected pixels");
             camera.width = static_cast<int>(width), camera.height = static_cast<int>(height);

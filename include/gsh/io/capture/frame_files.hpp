@@ -77,7 +77,16 @@ inline FrameFiles assign_frames(std::vector<std::vector<std::filesystem::path>> 
         }
     }
     const auto count = static_cast<std::size_t>(last - first + 1);
-    if (frames == 0 && numbered) result.frames = count;
+    if (frames == 0 && numbered && !none) {
+        constexpr std::size_t most_missing = 10000; // a span that few files fill is a mistake, and may be of any length
+        std::size_t files = 0;
+        for (const auto& list : lists) files = std::max(files, list.size());
+        if (count > files + most_missing)
+            throw ShapeError(folders[0].string() + ": the numbers of its files and of those beside it go from " +
+                             std::to_string(first) + " to " + std::to_string(last) + ", but there are only " +
+                             std::to_string(files) + " files; number them by frame");
+        result.frames = count;
+    }
     if (none || !numbered || count != result.frames) {
         std::size_t k = 0; // the folder to name: the first that is not as it should be
         while (!(none ? lists[k].empty() : lists[k].size() != result.frames || !has_no_gap(lists[k]))) ++k;

@@ -334,7 +334,8 @@ inline std::vector<PhotoKeypoints> load_keypoints(const std::filesystem::path& p
                 person.is_object() && person.contains("image_id") ? person["image_id"].dump() : "none";
             const auto of = image_of.find(id);
             if (of == image_of.end())
-                throw IoError(where + ": an annotation has image_id " + id + ", which is no id of images");
+                throw IoError(where + ": an annotation has image_id " + detail::shortened(id) +
+                              ", which is no id of images");
             if (!of->second) continue;
             auto& people = photos.at(*of->second).people;
             if (person.contains("mediapipe_pose")) {

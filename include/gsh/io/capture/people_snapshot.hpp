@@ -27,6 +27,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
+#include <map>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -150,16 +151,18 @@ inline Motion snapshot_fits(const std::filesystem::path& path, const BodyModel& 
         throw ShapeError(path.string() + ": holds " + std::to_string(T) + " poses, expected " + std::to_string(images) +
                          ", one per image, or " + std::to_string(frames.size()) +
                          ", one per frame of the split; else store frame_ids");
+    std::map<int, std::size_t> row_of; // by the frame's number; the first row of a number counts
+    for (std::size_t row = 0; row < fits.frame_ids.size(); ++row) row_of.try_emplace(fits.frame_ids[row], row);
     Motion motion;
     motion.joint_count = fits.motion.joint_count, motion.expression_count = fits.motion.expression_count;
     motion.betas = fits.motion.betas;
     for (std::size_t i = 0; i < frames.size(); ++i) {
         std::size_t row = T == images ? static_cast<std::size_t>(frames[i].number) : i;
         if (!fits.frame_ids.empty()) {
-            const auto found = std::find(fits.frame_ids.begin(), fits.frame_ids.end(), frames[i].number);
-            if (found == fits.frame_ids.end())
+            const auto found = row_of.find(frames[i].number);
+            if (found == row_of.end())
                 throw IoError(path.string() + ": frame_ids lacks frame " + std::to_string(frames[i].number));
-            row = static_cast<std::size_t>(found - fits.frame_ids.begin());
+            row = found->second;
         }
         const auto pose = fits.motion.pose_at(row);
         const auto expression = fits.motion.expression_at(row);

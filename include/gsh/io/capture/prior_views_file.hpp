@@ -26,6 +26,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <initializer_list>
+#include <map>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -207,6 +208,15 @@ public:
         read_person(people);
     }
 
+    /// Counts the views of each map, because a list that names one map many times would exhaust memory.
+    void count_uses(std::map<std::string, int>& views_of) const {
+        constexpr int most = 16;
+        for (const char* field : {"normals", "depth"})
+            if (object_.has(field))
+                check_value(++views_of[object_.text(field)] <= most, object_.where(),
+                            std::string(field) + " is a map that " + std::to_string(most) +
+                                " views before it name, expected a map of its own");
+    }
     void add_to(std::vector<EstimatedPriors>& people) const {
         EstimatedPriors& priors = people[person_];
         if (object_.has("normals")) {
@@ -284,6 +294,7 @@ private:
     [[nodiscard]] PriorView view(PriorMap map, const std::filesystem::path& file) const {
         const int width = map.mask.width, height = map.mask.height;
         PriorView result{crop_.empty() ? camera_ : crop_camera(camera_, crop_, width, height, object_.where()), {}, {}};
+        std::visit([&](const auto& c) { check_camera(object_.where(), "the camera of the crop", c); }, result.camera);
         const auto [across, down] =
             std::visit([](const auto& c) { return std::array{c.width, c.height}; }, result.camera);
         if (across != width || down != height)
@@ -310,10 +321,13 @@ inline std::vector<EstimatedPriors> read_prior_views(const std::filesystem::path
     const detail::Json json = detail::read_json(path, "priors");
     const detail::Json& list = detail::prior_view_list(json, path.string());
     std::vector<EstimatedPriors> result(std::max<std::size_t>(1, people.size()));
-    for (std::size_t v = 0; v < list.size(); ++v)
-        detail::PriorViewEntry(list[v], detail::prior_view_name(path, v), path.parent_path(), cameras, frame_count,
-                               people)
-            .add_to(result);
+    std::map<std::string, int> views_of;
+    for (std::size_t v = 0; v < list.size(); ++v) {
+        const detail::PriorViewEntry entry(list[v], detail::prior_view_name(path, v), path.parent_path(), cameras,
+                                           frame_count, people);
+        entry.count_uses(views_of);
+        entry.add_to(result);
+    }
     return result;
 }
 

@@ -100,6 +100,7 @@ template <class T>
             const std::size_t columns = q.dim(0), count = q.dim(1);
             check_size(file.name_of(key + ".step"), "step", steps.size(), columns, "one for each column");
             check_value(q.size() <= limit, file.name_of(key), "is larger than 1 GiB");
+            detail::check_claim(file.name_of(key), q.size() * sizeof(T), file.size());
             check_finite<float>(file.name_of(key), "offset", offsets.data);
             check_finite<float>(file.name_of(key), "step", steps.data);
             result.shape = {count, columns};

@@ -119,7 +119,7 @@ inline ForeignKind npy_kind(const FileEnds& file) {
         return {"an .npy file with a pickled object, as np.save writes a dictionary", python_page};
     const std::size_t open = head.find('(', 8), close = head.find(')', 8);
     const std::string shape =
-        open < close && close < 200 ? " of shape " + std::string(head.substr(open, close + 1 - open)) : "";
+        open < close && close < 200 ? " of shape " + shortened(head.substr(open, close + 1 - open)) : "";
     return {"a single array of NumPy (.npy)" + shape, python_page, "npy"};
 }
 

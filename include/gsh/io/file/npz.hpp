@@ -174,6 +174,9 @@ inline std::vector<std::string> NpzReader::read_texts(std::string_view key) cons
     std::vector<std::uint32_t> codes(count * length);
     detail::read_exactly(source, codes.data(), codes.size() * 4, what);
     member.finish();
+    for (const std::uint32_t code : codes)
+        if (code > 0x10FFFF || (code >= 0xD800 && code <= 0xDFFF))
+            throw IoError(what + " is damaged: " + std::to_string(code) + " is no character of Unicode");
     std::vector<std::string> texts;
     for (std::size_t i = 0; i < count; ++i) texts.push_back(detail::utf32_to_utf8(codes.data() + i * length, length));
     return texts;

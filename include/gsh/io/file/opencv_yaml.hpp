@@ -145,13 +145,13 @@ inline std::vector<std::string> OpenCvYaml::texts(const std::string& key) const 
                 quote = 0;
             else
                 word.push_back(c);
-        } else if ((c == '"' || c == '\'') && detail::trimmed(word).empty()) {
+        } else if ((c == '"' || c == '\'') && word.empty()) {
             quote = c;
         } else if (c == '\n' || c == ',' || c == '[' || c == ']') {
             finish();
-        } else if (c == ' ' && detail::trimmed(word) == "-") {
+        } else if (c == ' ' && word == "-") {
             word.clear();
-        } else {
+        } else if (!word.empty() || !detail::trimmed(std::string_view(&c, 1)).empty()) { // no blanks before a word
             word.push_back(c);
         }
     }
@@ -208,6 +208,8 @@ inline void OpenCvYaml::check_matrix_size(const std::string& key, const std::map
         if (const auto value = fields.find(field); value != fields.end())
             for (const double size : numbers_in(key, value->second)) sizes.push_back(size);
     if (sizes.empty()) return; // a plain list
+    if (sizes.size() > 8)
+        throw ShapeError(name_of(key) + " has " + std::to_string(sizes.size()) + " sizes, expected one or two");
     double expected = 1;
     std::string text;
     for (const double size : sizes) {

@@ -7,6 +7,7 @@
 #include <gsh/avatar/occlusion_field.hpp>
 #include <gsh/avatar/rig.hpp>
 #include <gsh/core/error.hpp>
+#include <gsh/core/message.hpp>
 #include <gsh/gaussian/gaussians.hpp>
 #include <gsh/io/body/body_file.hpp>
 #include <gsh/io/file/archive.hpp>
@@ -222,9 +223,21 @@ inline void check_avatar(const std::string& where, const AvatarData& avatar) {
                         std::to_string(rig.joint_count()));
     check_value(avatar.filter.dilation >= 0 && avatar.filter.dilation < 1e6, where,
                 "dilation must be square pixels, not negative");
-    check_finite<double>(where, "joints", view_as<const double>(Span<const vec3<double>>(rig.joints)));
-    check_finite<double>(where, "barycentric", view_as<const double>(Span<const vec3<double>>(rig.barycentric)));
+    check_coordinates(where, "joints", rig.joints);
+    check_coordinates(where, "barycentric", rig.barycentric);
+    check_magnitude(where, "betas", rig.betas);
     check_finite<double>(where, "skin_weights", rig.skin.weights);
+    check_value(rig.skin.influences >= 1, where, "skin_joints has no columns, expected at least one joint a Gaussian");
+    for (std::size_t i = 0; i < rig.point_count(); ++i) {
+        double sum = 0, least = 0;
+        for (std::size_t k = 0; k < rig.skin.influences; ++k) {
+            const double weight = rig.skin.weights[i * rig.skin.influences + k];
+            sum += weight, least = std::min(least, weight);
+        }
+        check_value(least >= -1e-3 && std::abs(sum - 1) <= 1e-2, where,
+                    "skin_weights of Gaussian " + std::to_string(i) + " sum to " + number_text(sum) + " with " +
+                        number_text(least) + " as the least, expected 1 without negative weights");
+    }
     check_finite<float>(where, "normal_offsets", view_as<const float>(Span<const vec3<float>>(avatar.normal_offsets)));
     check_finite<float>(where, "means", view_as<const float>(Span<const vec3<float>>(g.means)));
     check_finite<float>(where, "quats", view_as<const float>(Span<const quat<float>>(g.quats)));

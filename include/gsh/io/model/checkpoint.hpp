@@ -3,6 +3,7 @@
 #pragma once
 
 #include <gsh/core/error.hpp>
+#include <gsh/core/message.hpp>
 #include <gsh/io/file/archive.hpp>
 #include <gsh/learn/learned_array.hpp>
 #include <gsh/train/avatar_scene.hpp>
@@ -102,6 +103,8 @@ void load_trainer(const ArchiveReader& file, TrainerType& trainer) {
         });
     const auto steps = file.read_number<std::uint64_t>("steps");
     const auto progress = file.read_number<double>("progress");
+    check_value(progress >= 0 && progress <= 1, path,
+                "states that " + detail::number_text(progress) + " of the training is done, expected 0 to 1");
     std::size_t next = 0;
     for (const LearnedArray<T>& array : arrays)
         detail::for_each_state(array, [&](const std::string&, Span<T> numbers) {

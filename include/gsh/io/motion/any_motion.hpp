@@ -169,6 +169,7 @@ inline Motion load_any_motion(const InputFile& input, const BodyModel& body, con
         if (*layout == MotionLayout::sam3d && options.world == MotionFileOptions::World::as_stored)
             for (std::size_t t = 0; t < motion.frame_count(); ++t)
                 move_frame(body, motion, t, {half_turn_about_x(), vec3<double>(0)});
+        validate(motion, body, input.name());
         return motion;
     }
     switch (*layout) {

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <gsh/body/joint_map.hpp>
+#include <gsh/body/joint_names.hpp>
 #include <gsh/body/rest_pose.hpp>
 #include <gsh/body/rig_motion.hpp>
 #include <gsh/body/rig_up.hpp>
@@ -105,6 +106,9 @@ private:
 
     void add_joint(const std::string& name, int parent) {
         if (name.empty()) lines_.fail("is a joint without a name");
+        if (name.size() > longest_joint_name)
+            lines_.fail("is a joint with a name of " + std::to_string(name.size()) + " bytes, expected at most " +
+                        std::to_string(longest_joint_name));
         rig_.names.push_back(unique_joint_name(name, seen_));
         rig_.parents.push_back(parent);
         joints_.emplace_back();

@@ -226,6 +226,7 @@ inline Motion load_easymocap_motion(const std::filesystem::path& folder, const B
                    {rotation_from_axis_angle(vec3<double>(Rh[3 * t], Rh[3 * t + 1], Rh[3 * t + 2])),
                     vec3<double>(Th[3 * t], Th[3 * t + 1], Th[3 * t + 2])});
     detail::turn_upright(model, motion, options, folder.string(), warnings);
+    validate(motion, model, folder.string());
     return motion;
 }
 

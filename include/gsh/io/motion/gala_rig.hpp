@@ -5,7 +5,9 @@
 #include <gsh/body/body_model.hpp>
 #include <gsh/body/motion.hpp>
 #include <gsh/core/error.hpp>
+#include <gsh/io/file/claimed_size.hpp>
 #include <gsh/io/file/folder_list.hpp>
+#include <gsh/io/file/input_file.hpp>
 #include <gsh/io/file/npy.hpp>
 #include <gsh/io/file/number_lines.hpp>
 #include <gsh/math/quat.hpp>
@@ -186,6 +188,8 @@ inline GalaRig load_gala_rig(const std::filesystem::path& folder, std::vector<st
         throw ShapeError(mesh.path().string() + ": holds " + std::to_string(mesh.size()) +
                          " lines, expected five a vertex");
     const std::size_t V = mesh.size() / 5;
+    detail::check_claim(mesh.path().string() + ": the table of weights", std::uint64_t(V) * J * sizeof(double),
+                        InputStream(mesh.path()).size());
     body.weights.assign(V * J, 0.0);
     for (std::size_t v = 0; v < V; ++v) {
         body.v_template.push_back(mirrored(mesh.vector(5 * v, "position")));

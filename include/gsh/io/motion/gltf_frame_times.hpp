@@ -2,6 +2,8 @@
 /// @file  Chooses the frames of a glTF animation, so that its curves are kept between them.
 #pragma once
 
+#include <gsh/body/rig_motion.hpp>
+#include <gsh/io/file/claimed_size.hpp>
 #include <gsh/io/file/gltf_channel.hpp>
 #include <gsh/io/file/gltf_file.hpp>
 #include <gsh/io/file/gltf_nodes.hpp>
@@ -12,6 +14,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <cstdint>
 #include <vector>
 
 namespace gsh::detail {
@@ -22,16 +25,27 @@ namespace gsh::detail {
 ///        60, 50, 48, 100 and 120 a second at which every key is a frame; else the least multiple of an even rate from
 ///        30 on; else 30. It is multiplied until rotations between frames are off by at most 0.25 degrees, up to 120 a
 ///        second.
-/// Errors IoError for an animation that is too long.
+/// Errors IoError for an animation that is too long, or has too many frames for the bytes of its file.
 class GltfFrameTimes {
 public:
-    GltfFrameTimes(const GltfFile& file, const GltfNodes::Channels& channels) : channels_(channels) {
+    /// `joints` are posed in every frame; the file's buffers have `held_bytes`.
+    GltfFrameTimes(const GltfFile& file, const GltfNodes::Channels& channels, std::size_t joints,
+                   std::size_t held_bytes)
+        : channels_(channels) {
         constexpr double close = 0.25, fastest = 120; // degrees; frames a second
         collect_keys();
         base_ = base_rate();
         if (duration() * std::max(base_, fastest) > 16e6)
             file.fail("lasts " + number_text(duration()) + " s, more than is read");
-        const auto most = static_cast<std::size_t>(std::max(1.0, std::floor(fastest / std::max(base_, 1.0) + 1e-6)));
+        const std::size_t frames =
+            on_keys_ ? keys_.size() : static_cast<std::size_t>(std::floor(duration() * base_)) + 1;
+        check_rig_size(file.name(), joints, frames); // two keys may be hours apart
+        check_claimed_poses(file.name(), joints, frames, held_bytes);
+        const double room =
+            static_cast<double>(std::max<std::uint64_t>(unquestioned_memory, most_inflation * held_bytes)) /
+            (48.0 * static_cast<double>(joints) * static_cast<double>(frames));
+        const auto most =
+            static_cast<std::size_t>(std::max(1.0, std::floor(std::min(fastest / std::max(base_, 1.0) + 1e-6, room))));
         for (std::size_t factor = 1;;) {
             make_times(factor_ = factor);
             error_ = largest_error();
@@ -53,7 +67,7 @@ private:
     std::vector<double> keys_, times_;
     double base_ = 30, error_ = 0;
     std::size_t factor_ = 1; ///< frames of the base rate are divided into as many
-    bool on_keys_ = false; ///< every key is a frame, and frames between keys are evenly spaced
+    bool on_keys_ = false;   ///< every key is a frame, and frames between keys are evenly spaced
 
     static constexpr double same_ = 1e-4; // seconds; files round differently
 

@@ -112,6 +112,10 @@ void GltfJoints::keep_joints(const Moves& moves) {
             name = bone->second;
         else if (name.empty() || bones.contains(name))
             name += "node_" + std::to_string(node);
+        constexpr std::size_t longest = 3 * longest_joint_name; // a byte that was no UTF-8 takes three in JSON
+        if (name.size() > longest)
+            file_.fail("node " + std::to_string(node) + " has a name of " + std::to_string(name.size()) +
+                       " bytes, expected at most " + std::to_string(longest));
         numbers_[static_cast<std::size_t>(node)] = static_cast<int>(joints_.size());
         joints_.push_back(node);
         names_.push_back(unique_joint_name(name, taken)); // glTF does not ask for unique names

@@ -67,7 +67,7 @@ public:
         choose_animation(wanted, warnings);
         joints_.keep_joints([&](int node) { return channels_.contains(node); });
         if (!has_limbs(map)) joints_.keep_joints([](int) { return true; }); // an animation of the upper body alone
-        const GltfFrameTimes frames(file_, channels_);
+        const GltfFrameTimes frames(file_, channels_, joints_.joint_count(), held_bytes());
         const std::vector<double>& times = frames.times();
         if (frames.error() > 1 && warnings)
             warnings->push_back(file_.name() + ": between frames, at " +

@@ -75,6 +75,7 @@ public:
         }
         warn_of_degrees();
         turn_upright(model_, motion_, options_, file_.path().string(), warnings_);
+        validate(motion_, model_, file_.path().string());
         return std::move(motion_);
     }
 

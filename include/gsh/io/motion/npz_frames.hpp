@@ -5,6 +5,7 @@
 #include <gsh/body/body_model.hpp>
 #include <gsh/body/motion.hpp>
 #include <gsh/core/error.hpp>
+#include <gsh/core/message.hpp>
 #include <gsh/io/file/folder_list.hpp>
 #include <gsh/io/file/npz.hpp>
 #include <gsh/io/motion/frame_rate.hpp>
@@ -14,6 +15,7 @@
 #include <algorithm>
 #include <cstddef>
 #include <filesystem>
+#include <iterator>
 #include <set>
 #include <string>
 #include <string_view>
@@ -79,14 +81,15 @@ inline std::vector<NpzFrame> npz_frames_of(const std::filesystem::path& folder, 
     std::vector<NpzFrame> all = npz_frames(folder), chosen;
     std::set<long> people;
     for (const NpzFrame& frame : all) people.insert(frame.person);
-    std::string known;
-    for (const long one : people) known += (known.empty() ? "" : ", ") + std::to_string(one);
     for (NpzFrame& frame : all)
         if (people.size() == 1 || frame.person == person) chosen.push_back(std::move(frame));
     if (chosen.empty())
         throw IoError(folder.string() + ": " +
                       (people.empty() ? "holds no files NUMBER.npz, expected one per frame"
-                                      : "person " + std::to_string(person) + " is missing, there are " + known));
+                                      : "person " + std::to_string(person) + " is missing, there are " +
+                                            listing(people.size(), 8, [&](std::size_t i) {
+                                                return std::to_string(*std::next(people.begin(), std::ptrdiff_t(i)));
+                                            })));
     for (std::size_t i = 1; i < chosen.size(); ++i)
         if (chosen[i].number == chosen[i - 1].number)
             throw IoError(chosen[i].path.string() + ": its number is that of " +
@@ -132,7 +135,7 @@ inline Motion load_npz_frames(const std::filesystem::path& folder, const BodyMod
         }
         for (detail::NpzColumn& column : columns) {
             const NpyArray<double> array = file.read<double>(column.key);
-            if (column.width == 0) column.width = array.size();
+            if (numbers.empty() && column.width == 0) column.width = array.size();
             if (array.size() != column.width)
                 throw ShapeError(file.name_of(column.key) + " has shape " + detail::shape_text(array.shape) +
                                  ", expected " + std::to_string(column.width) +

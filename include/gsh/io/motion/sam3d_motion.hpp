@@ -3,6 +3,7 @@
 #pragma once
 
 #include <gsh/body/joint_map.hpp>
+#include <gsh/body/joint_names.hpp>
 #include <gsh/body/rest_pose.hpp>
 #include <gsh/body/rig_motion.hpp>
 #include <gsh/body/turned_limbs.hpp>
@@ -92,6 +93,10 @@ inline RigMotion load_sam3d_motion(const InputFile& input, const JointMap& map, 
     const auto frames = static_cast<std::int64_t>(T), joints = static_cast<std::int64_t>(J);
     rig.names = file.read_texts("names");
     check_size(input.name(), "names", rig.names.size(), J, "as many as pred_global_rots has joints");
+    for (const std::string& name : rig.names)
+        check_value(name.size() <= longest_joint_name, file.name_of("names"),
+                    "holds a name of " + std::to_string(name.size()) + " bytes, expected at most " +
+                        std::to_string(longest_joint_name));
     for (const auto parent : file.read<std::int64_t>("parents", {joints}).data)
         rig.parents.push_back(parent < 0 || parent >= joints ? -1 : static_cast<int>(parent));
     const auto vectors = [&](const NpyArray<double>& array, std::vector<vec3<double>>& to) {

@@ -163,6 +163,7 @@ inline SmplifyxFits load_smplifyx_fits(const InputFile& input, const BodyModel& 
         }
     }
     detail::turn_upright(model, fits.motion, options, input.name(), warnings);
+    validate(fits.motion, model, input.name());
 
     if (file.has_array("camera_matrix")) {
         const std::vector<double> m = detail::constant_member(file, "camera_matrix", 16);

@@ -48,6 +48,7 @@ namespace gsh::detail {
 inline void turn_upright(const BodyModel& model, Motion& motion, const MotionFileOptions& options,
                          const std::string& name, std::vector<std::string>* warnings) {
     if (options.world != MotionFileOptions::World::upright || motion.frame_count() == 0) return;
+    validate(motion, model, name);
     RigUp up;
     if (const auto A = upright_rotation(motion)) {
         up.axis = signed_axis_along(transpose(*A) * vec3<double>(0, 1, 0), 0.5).value_or(SignedAxis{});
