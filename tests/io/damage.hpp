@@ -21,10 +21,12 @@
 
 namespace gsh::test {
 
-/// Checks a message about a file: it begins with the path of the file's folder, is one line of printable UTF-8, and
-/// beside the path has at most 1000 bytes, 500 but for the names of a rig's joints, which a joint map needs.
-inline void check_message(const std::string& message, const std::filesystem::path& path, const std::string& what) {
-    const std::string folder = path.parent_path().string();
+/// Checks a message about a file: it begins with the path of `read_folder`, or of the file's folder, is one line of
+/// printable UTF-8, and beside the path has at most 1000 bytes, 500 but for the names of a rig's joints, which a joint
+/// map needs.
+inline void check_message(const std::string& message, const std::filesystem::path& path, const std::string& what,
+                          const std::filesystem::path& read_folder = {}) {
+    const std::string folder = (read_folder.empty() ? path.parent_path() : read_folder).string();
     const std::size_t most = message.find("The joints are") == std::string::npos ? 500 : 1000;
     std::string_view rest = message;
     bool printable = true;
@@ -37,10 +39,10 @@ inline void check_message(const std::string& message, const std::filesystem::pat
 }
 
 /// Calls `read(path)` for the file cut at every `step`-th byte, and with one to three bytes replaced, `count` times.
-/// Returns how many readings were refused.
+/// Messages begin with `folder`, or else with the file's. Returns how many readings were refused.
 template <class Read>
 std::size_t read_damaged(const std::string& bytes, const std::filesystem::path& path, std::size_t step,
-                         std::size_t count, const Read& read) {
+                         std::size_t count, const Read& read, const std::filesystem::path& folder = {}) {
     std::size_t refused = 0;
     const auto attempt = [&](const std::string& content, const std::string& what) {
         std::filesystem::remove(path); // file systems write a file that replaces another one to the disk at once
@@ -50,7 +52,7 @@ std::size_t read_damaged(const std::string& bytes, const std::filesystem::path& 
             read(path);
         } catch (const Error& error) {
             ++refused;
-            check_message(error.what(), path, what);
+            check_message(error.what(), path, what, folder);
         } catch (const std::exception& error) {
             FAIL_CHECK(what << ": another exception: " << std::string(error.what()));
         }

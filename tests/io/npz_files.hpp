@@ -49,6 +49,7 @@ public:
         REQUIRE(index >= 0);
         zip_set_file_compression(archive_, static_cast<zip_uint64_t>(index), deflate ? ZIP_CM_DEFLATE : ZIP_CM_STORE,
                                  0);
+        zip_file_set_dostime(archive_, static_cast<zip_uint64_t>(index), 0, 0x21, 0); // the same bytes on every day
     }
 
 private:
