@@ -14,7 +14,9 @@ namespace gsh::fuzz {
 
 /// A reader of foreign bytes, and what uses its result. The bytes are a whole file, or an archive of a folder's files.
 struct Target {
-    std::string_view name; ///< also of its corpus, its dictionary and its program: fuzz-NAME
+    /// Also of its corpus and its program: corpus/NAME, fuzz-NAME. Its words are in dictionaries/ENDING.dict, where
+    /// ENDING is that of its seeds: npz, json, zip for folders.
+    std::string_view name;
     std::string_view file; ///< the name that the bytes are given, whose ending some readers look at; or a folder: "x/"
     /// Returns, or throws gsh::Error whose message begins with the file. Everything else is a fault.
     void (*run)(const InputFile& file);

@@ -4,6 +4,7 @@
 #include <gsh/body/posed_body.hpp>
 #include <gsh/camera/pinhole.hpp>
 #include <gsh/core/error.hpp>
+#include <gsh/core/message.hpp>
 #include <gsh/cpu.hpp>
 #include <gsh/gaussian/static_gaussian.hpp>
 #include <gsh/image/image.hpp>
@@ -101,6 +102,18 @@ void use(const AvatarData& data) {
         const auto camera = look_at<float>({0, 1, 3}, {0, 1, 0}, {0, 1, 0}, 0.9f, size, size);
         avatar.pose(pose, camera.center(), splats.view(), cache);
         check_picture(drawn(backend, camera, splats.view(), raster_params<float>(data.filter)));
+    }
+}
+
+void check_warnings(const std::vector<std::string>& warnings) {
+    for (const std::string& warning : warnings) {
+        std::string_view rest = warning;
+        while (!rest.empty()) {
+            const std::size_t length = detail::printable_length(rest);
+            must(length > 0, "a warning is not printable");
+            rest.remove_prefix(length);
+        }
+        must(warning.size() <= 2000, "a warning is too long to be read");
     }
 }
 

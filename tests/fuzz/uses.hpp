@@ -12,7 +12,9 @@
 #include <gsh/io/file/input_file.hpp>
 
 #include <filesystem>
+#include <string>
 #include <string_view>
+#include <vector>
 
 namespace gsh::fuzz {
 
@@ -27,6 +29,9 @@ void use(const Motion& motion, const BodyModel& body);
 
 /// Poses an avatar at rest and bent, and draws it at 64 × 64.
 void use(const AvatarData& avatar);
+
+/// Warnings are shown to users as they are: each is a short line of printable text.
+void check_warnings(const std::vector<std::string>& warnings);
 
 /// Writes a value, reads it, and writes it again: both files must have the same bytes. `name` has the ending.
 template <class Value, class Write, class Read>
