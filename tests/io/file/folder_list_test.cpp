@@ -47,6 +47,11 @@ TEST_CASE_FIXTURE(Folder, "what cannot be listed is named, with what was expecte
     test::check_throws<IoError>([&] { (void)list_files_below(place / "0001.png"); },
                                 {"0001.png", "cannot be listed", "Not a directory"});
     CHECK(list_folder(place / "b/.hidden/../../b/.hidden").size() == 1);
+    write_file(place / "b/Icon\r", "x");
+    CHECK(list_folder(place / "b").size() == 1);
+    write_file(place / "b/red\x1b[31m.png", "x");
+    test::check_throws<IoError>([&] { (void)list_folder(place / "b"); },
+                                {"/b: holds 'red?[31m.png'", "cannot be shown; rename it"});
 }
 
 TEST_CASE("numbers of files, with as many zeros as a program writes") {

@@ -3,7 +3,9 @@
 #pragma once
 
 #include <gsh/core/error.hpp>
+#include <gsh/core/message.hpp>
 #include <gsh/io/file/folder_entries.hpp>
+#include <gsh/io/file/named_path.hpp>
 #include <gsh/io/file/text_lines.hpp>
 
 #include <algorithm>
@@ -19,12 +21,13 @@ namespace gsh {
 
 /// Whether a file or folder is one that a system or a program keeps beside the user's own: every name that begins with
 /// a dot (hidden files, and the "._NAME" that macOS writes to disks of other systems), Thumbs.db and desktop.ini of
-/// Windows, __MACOSX of zip archives, @eaDir of Synology.
+/// Windows, "Icon\r" of macOS, __MACOSX of zip archives, @eaDir of Synology.
 [[nodiscard]] inline bool is_system_file(const std::filesystem::path& path);
 
 /// The entries of a folder, files and folders, in the order of their names, without system files.
 ///
-/// Errors  IoError for a folder that cannot be listed; `expected` ("a folder of images") ends the message.
+/// Errors  IoError for a folder that cannot be listed, where `expected` ("a folder of images") ends the message; and for
+///         a name that messages cannot show.
 [[nodiscard]] inline std::vector<std::filesystem::path> list_folder(const std::filesystem::path& folder,
                                                                     std::string_view expected = {});
 
@@ -49,6 +52,9 @@ inline void list_into(const std::filesystem::path& folder, std::string_view expe
     const int error = for_each_name(folder, [&](std::string_view name) {
         const std::filesystem::path path = folder / name;
         if (is_system_file(path)) return;
+        if (!is_printable_name(name))
+            throw IoError(folder.string() + ": holds '" + shortened(name) +
+                          "', whose name has characters that cannot be shown; rename it");
         if (!below)
             found.push_back(path);
         else if (std::filesystem::is_directory(path, ignored) && !std::filesystem::is_symlink(path, ignored))
@@ -64,7 +70,8 @@ inline void list_into(const std::filesystem::path& folder, std::string_view expe
 } // namespace detail
 
 inline bool is_system_file(const std::filesystem::path& path) {
-    constexpr std::array<std::string_view, 5> others{"Thumbs.db", "desktop.ini", "ehthumbs.db", "__MACOSX", "@eaDir"};
+    constexpr std::array<std::string_view, 6> others{"Thumbs.db", "desktop.ini", "ehthumbs.db",
+                                                     "Icon\r",    "__MACOSX",    "@eaDir"};
     const std::string name = path.filename().string();
     return name.starts_with('.') || std::any_of(others.begin(), others.end(),
                                                 [&](std::string_view other) { return detail::is_word(name, other); });
