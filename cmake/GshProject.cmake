@@ -76,3 +76,20 @@ endif()
 if(CMAKE_VERIFY_INTERFACE_HEADER_SETS)
   add_compile_options(${gsh_warnings})
 endif()
+
+# For the programs, and the libraries of the Python package: what makes a fault of memory hard to use. SECURITY.md states
+# it, and tests/programs/hardening_test.cpp asks the programs. Sanitizers have their own checks, and need the functions of
+# libc as they are.
+add_library(gsh_hardened INTERFACE)
+if(NOT GSH_SANITIZE AND CMAKE_SYSTEM_NAME STREQUAL "Linux")
+  set(cxx $<COMPILE_LANGUAGE:CXX>)
+  set(optimised $<NOT:$<CONFIG:Debug>>) # without optimisation, _FORTIFY_SOURCE warns and does nothing
+  set(executable $<NOT:$<BOOL:$<TARGET_PROPERTY:POSITION_INDEPENDENT_CODE>>>) # not for a shared library
+  target_compile_options(gsh_hardened INTERFACE
+    $<${cxx}:-fstack-protector-strong>
+    $<$<AND:${cxx},${executable}>:-fPIE>
+    "$<$<AND:${cxx},${optimised}>:-U_FORTIFY_SOURCE;-D_FORTIFY_SOURCE=3>")
+  target_compile_definitions(gsh_hardened INTERFACE GSH_HARDENED $<${optimised}:GSH_FORTIFIED>)
+  target_link_options(gsh_hardened INTERFACE
+    $<$<STREQUAL:$<TARGET_PROPERTY:TYPE>,EXECUTABLE>:-pie> LINKER:-z,relro,-z,now)
+endif()
