@@ -5,6 +5,7 @@
 
 #include <gsh/core/error.hpp>
 #include <gsh/reconstruct/any_training.hpp>
+#include <gsh/reconstruct/static_reconstruction.hpp>
 #include <gsh/setup/configuration.hpp>
 #include <gsh/train/static_model.hpp>
 

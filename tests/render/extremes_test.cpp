@@ -31,7 +31,7 @@ Camera<float> extreme_camera(int width, int height) {
 }
 
 /// A ball of Gaussians around the origin.
-GaussianCloud<float> ball(std::size_t count) {
+GaussianCloud<float> extreme_ball(std::size_t count) {
     GaussianCloud<float> cloud(count, extreme_degree);
     test::Rng rng(5);
     for (std::size_t i = 0; i < count; ++i) {
@@ -117,12 +117,12 @@ TEST_CASE("no Gaussian, one, and pictures of one pixel and of one row") {
         for (const auto& [width, height] : {std::pair(1, 1), {1, 4096}, {4096, 1}, {16, 16}, {17, 15}}) {
             CAPTURE(count);
             CAPTURE(width);
-            CHECK(check_extreme("sizes", ball(count), extreme_camera(width, height)) == "");
+            CHECK(check_extreme("sizes", extreme_ball(count), extreme_camera(width, height)) == "");
         }
 }
 
 TEST_CASE("a camera inside the body, on a Gaussian, and looking away") {
-    const GaussianCloud<float> cloud = ball(300);
+    const GaussianCloud<float> cloud = extreme_ball(300);
     for (const vec3<double>& place :
          {vec3<double>(0, 0, 0), {0.1, 0, 0.2}, {0, 0, 0.7}, vec3<double>(cloud.means[7])}) {
         const vec3<double> at = place + vec3<double>(0, 0, 1);
@@ -133,7 +133,7 @@ TEST_CASE("a camera inside the body, on a Gaussian, and looking away") {
 TEST_CASE("scales, opacities and places at the ends of their ranges") {
     const Camera<float> camera = extreme_camera(40, 30);
     const auto changed = [&](const char* what, const auto& change) {
-        GaussianCloud<float> cloud = ball(60);
+        GaussianCloud<float> cloud = extreme_ball(60);
         for (std::size_t i = 0; i < cloud.size(); ++i) change(cloud, i);
         return check_extreme(what, cloud, camera);
     };
@@ -164,7 +164,7 @@ TEST_CASE("NaN and infinity in each input are named, or do not reach the picture
     for (const float bad : {nan, infinity, -infinity}) {
         CAPTURE(bad);
         const auto with = [&](const auto& change) {
-            GaussianCloud<float> cloud = ball(60);
+            GaussianCloud<float> cloud = extreme_ball(60);
             change(cloud);
             return check_extreme("a bad number", cloud, camera);
         };
@@ -181,13 +181,13 @@ TEST_CASE("NaN and infinity in each input are named, or do not reach the picture
              {&Camera<float>::fx, &Camera<float>::fy, &Camera<float>::cx, &Camera<float>::cy}) {
             Camera<float> spoilt = camera;
             spoilt.*field = bad;
-            CHECK(check_extreme("a camera", ball(10), spoilt) == test::contains("camera"));
+            CHECK(check_extreme("a camera", extreme_ball(10), spoilt) == test::contains("camera"));
         }
         Camera<float> moved = camera, turned = camera;
         moved.t.z = bad;
         turned.R[1].x = bad;
-        CHECK(check_extreme("a camera's place", ball(10), moved) != "");
-        CHECK(check_extreme("a camera's turn", ball(10), turned) != "");
+        CHECK(check_extreme("a camera's place", extreme_ball(10), moved) != "");
+        CHECK(check_extreme("a camera's turn", extreme_ball(10), turned) != "");
     }
 }
 
@@ -195,9 +195,9 @@ TEST_CASE("many Gaussians and large pictures") {
     const bool all = std::getenv("GSH_ALL_FAILURES") != nullptr;
     cpu::Threads backend;
     const std::size_t count = all ? 10'000'000 : 100'000;
-    CHECK(draw(backend, ball(count), extreme_camera(64, 64), vec3<float>(0.5f), !all).error == "");
+    CHECK(draw(backend, extreme_ball(count), extreme_camera(64, 64), vec3<float>(0.5f), !all).error == "");
     const int size = all ? 8192 : 2048;
-    const ExtremePicture large = draw(backend, ball(1000), extreme_camera(size, size));
+    const ExtremePicture large = draw(backend, extreme_ball(1000), extreme_camera(size, size));
     CHECK(large.error == "");
     CHECK(large.is_finite());
 }
