@@ -38,11 +38,19 @@ std::ptrdiff_t gsh::test::allocations::live() {
     return live_blocks;
 }
 
-// glibc's own functions, under the names by which a replacement reaches them.
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-#define GSH_OWN_MALLOC 0
-#else
 #define GSH_OWN_MALLOC 1
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#undef GSH_OWN_MALLOC
+#define GSH_OWN_MALLOC 0
+#elif defined(__has_feature)
+#if __has_feature(address_sanitizer) || __has_feature(thread_sanitizer)
+#undef GSH_OWN_MALLOC
+#define GSH_OWN_MALLOC 0
+#endif
+#endif
+
+#if GSH_OWN_MALLOC
+// glibc's own functions, under the names by which a replacement reaches them.
 extern "C" {
 void* __libc_malloc(std::size_t bytes);
 void* __libc_calloc(std::size_t count, std::size_t bytes);

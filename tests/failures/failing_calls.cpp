@@ -155,13 +155,21 @@ void* __libc_calloc(size_t count, size_t bytes);
 void* __libc_realloc(void* memory, size_t bytes);
 void* __libc_memalign(size_t alignment, size_t bytes);
 
-void* malloc(size_t bytes) { return memory_fails() ? nullptr : __libc_malloc(bytes); }
-void* calloc(size_t count, size_t bytes) { return memory_fails() ? nullptr : __libc_calloc(count, bytes); }
+void* malloc(size_t bytes) {
+    return memory_fails() ? nullptr : __libc_malloc(bytes);
+}
+void* calloc(size_t count, size_t bytes) {
+    return memory_fails() ? nullptr : __libc_calloc(count, bytes);
+}
 void* realloc(void* memory, size_t bytes) {
     return bytes > 0 && memory_fails() ? nullptr : __libc_realloc(memory, bytes);
 }
-void* memalign(size_t alignment, size_t bytes) { return memory_fails() ? nullptr : __libc_memalign(alignment, bytes); }
-void* aligned_alloc(size_t alignment, size_t bytes) { return memalign(alignment, bytes); }
+void* memalign(size_t alignment, size_t bytes) {
+    return memory_fails() ? nullptr : __libc_memalign(alignment, bytes);
+}
+void* aligned_alloc(size_t alignment, size_t bytes) {
+    return memalign(alignment, bytes);
+}
 int posix_memalign(void** memory, size_t alignment, size_t bytes) {
     void* const found = memalign(alignment, bytes);
     if (found) *memory = found;

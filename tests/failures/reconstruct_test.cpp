@@ -43,7 +43,7 @@ TEST_CASE("memory runs out while a person is registered, reconstructed and judge
             if (!people->registration) register_people(backend, *people, recipe);
             return people->people[0].motion.pose;
         },
-        {.first = 4, .sample = 8});
+        {.first = 1, .sample = 2});
     recipe.registration = false;
     sum += test::exhaust("a reconstruction",
                          [&] {
@@ -52,7 +52,7 @@ TEST_CASE("memory runs out while a person is registered, reconstructed and judge
                              train(person, recipe.length(), record);
                              return numbers_of(person);
                          },
-                         {.first = 4, .sample = 12});
+                         {.first = 1, .sample = 3});
     Person person(backend, test::small_input(), recipe);
     TrainingRecord record;
     train(person, recipe.length(), record);
@@ -63,7 +63,7 @@ TEST_CASE("memory runs out while a person is registered, reconstructed and judge
                              const ImageScore score = judge.judge(person.compare(photo), photo).score;
                              return std::vector<double>{score.psnr, score.ssim, score.psnr_person};
                          },
-                         {.first = 20, .sample = 20});
+                         {.first = 3, .sample = 4});
     test::report("reconstruction", sum);
 }
 
@@ -81,7 +81,7 @@ TEST_CASE("memory runs out while a checkpoint is written and read") {
                                             test::allocations::end();
                                             return read_file(path);
                                         },
-                                        {.first = 30, .sample = 30});
+                                        {.first = 8, .sample = 8});
     sum += test::exhaust("reading a checkpoint",
                          [&] {
                              std::string damage;
@@ -89,7 +89,7 @@ TEST_CASE("memory runs out while a checkpoint is written and read") {
                              test::allocations::end();
                              return std::pair(read.steps, damage.empty());
                          },
-                         {.first = 30, .sample = 30});
+                         {.first = 8, .sample = 8});
     CHECK(numbers_of(later) == numbers_of(person));
     test::report("checkpoints", sum);
 }

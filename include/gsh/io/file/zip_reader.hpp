@@ -9,9 +9,11 @@
 
 #include <zip.h>
 
+#include <cerrno>
 #include <cstddef>
 #include <filesystem>
 #include <memory>
+#include <new>
 #include <string>
 #include <string_view>
 #include <system_error>
@@ -23,7 +25,7 @@ namespace gsh {
 /// Opens an archive, and inflates a member only when it is read.
 ///
 /// Errors  IoError for a file that is missing, no zip archive, damaged or truncated, and for members that claim more
-///         than the limits.
+///         than the limits; std::bad_alloc where libzip has no memory.
 class ZipReader {
 public:
     struct Limits {
@@ -43,7 +45,10 @@ public:
         /// Reads up to `size` bytes; 0 at the end.
         std::size_t read(void* data, std::size_t size) {
             const zip_int64_t count = zip_fread(file_.get(), data, size);
-            if (count < 0) throw IoError(what_ + " is damaged: " + zip_file_strerror(file_.get()));
+            if (count < 0) {
+                if (zip_error_code_zip(zip_file_get_error(file_.get())) == ZIP_ER_MEMORY) throw std::bad_alloc();
+                throw IoError(what_ + " is damaged: " + zip_file_strerror(file_.get()));
+            }
             return static_cast<std::size_t>(count);
         }
         /// Checks that the member ends here; libzip then compares its checksum.
@@ -72,7 +77,9 @@ public:
     [[nodiscard]] std::vector<std::string> names() const;
     /// The index of a member, or -1.
     [[nodiscard]] zip_int64_t locate(const std::string& name) const {
-        return zip_name_locate(archive_.get(), name.c_str(), 0);
+        const zip_int64_t index = zip_name_locate(archive_.get(), name.c_str(), 0);
+        if (index < 0 && zip_error_code_zip(zip_get_error(archive_.get())) == ZIP_ER_MEMORY) throw std::bad_alloc();
+        return index;
     }
     /// `what` names the member in messages.
     [[nodiscard]] Member open(zip_int64_t index, const std::string& what) const;
@@ -123,8 +130,10 @@ inline ZipReader::ZipReader(InputFile input, const Kind& kind, const Limits& lim
     if (input_.is_folder()) throw IoError(name + ": is a directory, expected " + kind.name);
     check_no_pipe(input_);
     int code = 0;
+    errno = 0;
     archive_.reset(detail::open_zip(input_, code));
     if (!archive_) {
+        if (code == ZIP_ER_MEMORY || errno == ENOMEM) throw std::bad_alloc(); // the file is not at fault
         const bool no_zip = code == ZIP_ER_NOZIP || code == ZIP_ER_INCONS;
         if (!no_zip) throw IoError(name + ": cannot be opened: " + detail::zip_error_text(code));
         throw IoError(name + ": " +
@@ -167,7 +176,10 @@ inline ZipReader::Member ZipReader::open(zip_int64_t index, const std::string& w
     member.what_ = what;
     member.size_ = stat.size;
     member.file_.reset(zip_fopen_index(archive_.get(), static_cast<zip_uint64_t>(index), 0));
-    if (!member.file_) throw IoError(what + " cannot be read: " + zip_strerror(archive_.get()));
+    if (!member.file_) {
+        if (zip_error_code_zip(zip_get_error(archive_.get())) == ZIP_ER_MEMORY) throw std::bad_alloc();
+        throw IoError(what + " cannot be read: " + zip_strerror(archive_.get()));
+    }
     return member;
 }
 
