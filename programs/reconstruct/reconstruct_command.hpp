@@ -66,11 +66,14 @@ inline void add_options(CLI::App& app, ReconstructOptions& o) {
     add_people(app, o);
     app.add_flag("--synthetic", o.synthetic, "film the built-in actor and reconstruct it, instead of a capture");
     app.add_option("--out", o.out, "folder for the results")->required();
-    app.add_option("--steps", o.steps, "training steps (default 1500; without stages, as in --config paper, 3000; with "
-                   "--synthetic 1000)")->check(above_zero());
+    app.add_option("--steps", o.steps,
+                   "training steps (default 1500; without stages, as in --config paper, 3000; with "
+                   "--synthetic 1000)")
+        ->check(above_zero());
     app.add_option("--seconds", o.seconds, "duration of training, instead of a number of steps")->check(above_zero());
-    app.add_option("--gaussians", o.gaussians,
-                   "number of Gaussians for each person (default 170000; 60000 with --synthetic; fewer for short --seconds)")
+    app.add_option(
+           "--gaussians", o.gaussians,
+           "number of Gaussians for each person (default 170000; 60000 with --synthetic; fewer for short --seconds)")
         ->check(CLI::Range(1, 100'000'000));
     app.add_option("--seed", o.seed, "seed of all random choices (default 0)")->check(not_negative());
     add_backend(app, o.machine);

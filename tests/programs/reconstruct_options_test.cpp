@@ -50,6 +50,7 @@ TEST_CASE("a training by time that is resumed keeps its number of Gaussians") {
     const auto count = [&] { return test::json_of(folder / "out/metrics.json").at("gaussians").get<std::size_t>(); };
     const std::size_t first = count();
     CHECK(first <= 5100); // 5000 are asked for, and drawn by density
-    test::check_done(test::run(words({"--resume", "--seconds", "0.5", "--threads", "8"}))); // a new run would have 17,000
+    test::check_done(
+        test::run(words({"--resume", "--seconds", "0.5", "--threads", "8"}))); // a new run would have 17,000
     CHECK(count() == first);
 }

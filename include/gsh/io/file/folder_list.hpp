@@ -26,8 +26,8 @@ namespace gsh {
 
 /// The entries of a folder, files and folders, in the order of their names, without system files.
 ///
-/// Errors  IoError for a folder that cannot be listed, where `expected` ("a folder of images") ends the message, and for
-///         a name that messages cannot show.
+/// Errors  IoError for a folder that cannot be listed, where `expected` ("a folder of images") ends the message, and
+///         for a name that messages cannot show.
 [[nodiscard]] inline std::vector<std::filesystem::path> list_folder(const std::filesystem::path& folder,
                                                                     std::string_view expected = {});
 
