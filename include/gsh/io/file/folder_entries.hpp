@@ -56,11 +56,14 @@ inline void remove_entries(DIR* folder) noexcept {
 }
 
 /// Removes a folder and all that is in it; a link or a file in its place is removed, too. Takes no memory but the
-/// system's, so that destructors may call it. What cannot be removed stays.
+/// system's, so that destructors may call it. What fails is tried once more, since the reason may have passed, such as
+/// too many open files. What cannot be removed stays.
 inline void remove_tree(const std::filesystem::path& folder) noexcept {
-    if (::unlink(folder.c_str()) == 0) return;
-    if (const OpenFolder open(::opendir(folder.c_str())); open) remove_entries(open.get());
-    ::rmdir(folder.c_str());
+    for (int attempt = 0; attempt < 2; ++attempt) {
+        if (::unlink(folder.c_str()) == 0) return;
+        if (const OpenFolder open(::opendir(folder.c_str())); open) remove_entries(open.get());
+        if (::rmdir(folder.c_str()) == 0 || errno == ENOENT) return;
+    }
 }
 
 } // namespace gsh::detail
