@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <cstddef>
 #include <limits>
+#include <memory>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -85,6 +86,8 @@ inline std::string compressed_by_zlib(std::string_view bytes, int level, int win
     z_stream stream{};
     if (deflateInit2(&stream, level, Z_DEFLATED, window_bits, 9, Z_DEFAULT_STRATEGY) != Z_OK)
         throw IoError("zlib: out of memory");
+    const auto end = [](z_stream* open) { deflateEnd(open); };
+    const std::unique_ptr<z_stream, decltype(end)> opened(&stream, end); // also where there is no memory for `out`
     std::string out;
     char block[1 << 16];
     int code = Z_OK;
@@ -99,7 +102,6 @@ inline std::string compressed_by_zlib(std::string_view bytes, int level, int win
         bytes.remove_prefix(in_size - stream.avail_in);
         out.append(block, sizeof block - stream.avail_out);
     } while (code == Z_OK || code == Z_BUF_ERROR);
-    deflateEnd(&stream);
     return out;
 }
 
