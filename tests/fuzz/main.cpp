@@ -2,6 +2,7 @@
 /// @file  The entry points that libFuzzer calls. One program holds all targets; its name chooses one: fuzz-NAME.
 #include "fuzz/containers.hpp"
 #include "fuzz/target.hpp"
+#include "support/shown_message.hpp"
 
 #include <gsh/core/error.hpp>
 #include <gsh/core/message.hpp>
@@ -33,11 +34,7 @@ const Target* chosen = nullptr;
 void check_message(std::string_view message, std::string_view path) {
     // Who writes a joint map needs the names of the rig's joints: at most 200, shortened to 40 letters.
     const std::size_t most = message.find("joint map") == std::string_view::npos ? 500 : 10000;
-    std::string_view rest = message;
-    bool printable = true;
-    for (std::size_t size = 0; printable && !rest.empty(); rest.remove_prefix(size))
-        printable = (size = gsh::detail::printable_length(rest)) > 0;
-    if (message.starts_with(path) && printable && message.size() <= most + 2 * path.size()) return;
+    if (test::is_shown_message(message, path) && message.size() <= most + 2 * path.size()) return;
     std::fprintf(stderr, "fuzz: a message must begin with the file and be one short printable line: %s\n",
                  std::string(message.substr(0, 2000)).c_str());
     std::abort();

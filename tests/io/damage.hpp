@@ -3,6 +3,7 @@
 #pragma once
 
 #include "io/temporary.hpp"
+#include "support/shown_message.hpp"
 
 #include <doctest/doctest.h>
 
@@ -28,11 +29,7 @@ inline void check_message(const std::string& message, const std::filesystem::pat
                           const std::filesystem::path& read_folder = {}) {
     const std::string folder = (read_folder.empty() ? path.parent_path() : read_folder).string();
     const std::size_t most = message.find("The joints are") == std::string::npos ? 500 : 1000;
-    std::string_view rest = message;
-    bool printable = true;
-    for (std::size_t size = 0; printable && !rest.empty(); rest.remove_prefix(size))
-        printable = (size = detail::printable_length(rest)) > 0;
-    if (!message.starts_with(folder) || !printable || message.size() > most + path.string().size())
+    if (!is_shown_message(message, folder) || message.size() > most + path.string().size())
         FAIL_CHECK(what << ": the message must begin with the file, be printable and short: "
                         << detail::shortened(message.substr(0, 40)) << " ... " << message.size()
                         << " bytes: " << message.substr(0, 800));
