@@ -271,10 +271,9 @@ def check(capture: PathLike, body: Optional[PathLike] = None, out: Optional[Path
         return _json(Path(folder, "check.json"))
 
 
-def _convert(program: str, name: str, source: PathLike, option: str, to: PathLike, other_name: str,
+def _convert(where: str, program: str, name: str, source: PathLike, option: str, to: PathLike, other_name: str,
              other: Optional[PathLike], options: dict[str, Any], progress: Optional[Progress]) -> Path:
     """Runs a program that writes one file from another one, and from a second one if it is given."""
-    where = {"export": "gsh.export", "motion": "gsh.retarget"}[program]
     _check_progress(where, progress)
     target = _path(where, "to", to)
     words = [_path(where, name, source), f"--{option}={target}"]
@@ -311,7 +310,7 @@ def export(source: PathLike, to: PathLike, *, poses: Optional[PathLike] = None, 
     ------
     as ``reconstruct``.
     """
-    return _convert("export", "source", source, "to", to, "poses", poses,
+    return _convert("gsh.export", "export", "source", source, "to", to, "poses", poses,
                     dict(frame=frame, frames=frames, threads=threads, **options), progress)
 
 
@@ -344,5 +343,5 @@ def retarget(motion: PathLike, to: PathLike, body: Optional[PathLike] = None, *,
     ------
     as ``reconstruct``.
     """
-    return _convert("motion", "motion", motion, "out", to, "body", body,
+    return _convert("gsh.retarget", "motion", "motion", motion, "out", to, "body", body,
                     dict(fps=fps, input_fps=input_fps, **options), progress)
