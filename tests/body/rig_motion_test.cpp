@@ -72,6 +72,7 @@ TEST_CASE("every inconsistency of a rig is refused") {
     refuse([](RigMotion& r) { r.parents[3] = -2; }, "parent -2");
     refuse([](RigMotion& r) { r.joints[60].y = std::numeric_limits<double>::infinity(); }, "finite");
     refuse([](RigMotion& r) { r.rest_joints[6].y = std::numeric_limits<double>::quiet_NaN(); }, "finite");
+    refuse([](RigMotion& r) { r.rest_joints[6].y = 2e30; }, "expected at most 1e30"); // a float could not hold products
     refuse([](RigMotion& r) { r.timestamps[1] = std::numeric_limits<double>::quiet_NaN(); }, "finite");
     refuse([](RigMotion& r) { r.rotations[60] = mat3<double>(1.1); }, "frame 1");
     refuse([](RigMotion& r) { r.rest_rotations[6][0] = vec3<double>(-1, 0, 0); }, "spine2");

@@ -56,7 +56,9 @@ void use(const GaussianCloud<float>& cloud) {
         if (is_of_this_world(mean))
             for (int k = 0; k < 3; ++k) low[k] = std::min(low[k], mean[k]), high[k] = std::max(high[k], mean[k]);
     const vec3<float> center = low.x <= high.x ? 0.5f * (low + high) : vec3<float>(0);
-    const float reach = low.x <= high.x ? std::max(length(high - low), 1e-2f) : 1.0f;
+    // At least so far that the eye is another point than the centre.
+    const float least = 1e-2f + 1e-4f * length(center),
+                reach = low.x <= high.x ? std::max(length(high - low), least) : 1;
     const auto camera = look_at<float>(center + vec3<float>(0, 0, 2 * reach), center, {0, 1, 0}, 0.7f, size, size);
     with_sh_degree(cloud.sh_degree, [&](auto degree) {
         StaticSplatsCache<cpu::Serial> cache;

@@ -44,7 +44,7 @@ struct RigMotion {
 };
 
 /// Throws ShapeError or ValueError at the first inconsistency: sizes, no frames, a name twice, a child before its
-/// parent, NaN, a matrix that is not a rotation within 1e-3.
+/// parent, NaN, a coordinate beyond 1e30, a matrix that is not a rotation within 1e-3.
 inline void validate(const RigMotion& rig, std::string_view where);
 
 /// Throws ValueError if a motion of that many joints and frames would take more than 1.6 GB. Readers call it before
@@ -87,11 +87,8 @@ inline void validate(const RigMotion& rig, std::string_view where) {
                     "joint '" + detail::shortened(rig.names[j]) + "' has parent " + std::to_string(rig.parents[j]) +
                         ", expected -1 or a joint before it");
     }
-    const auto check_places = [&](const char* argument, const std::vector<vec3<double>>& places) {
-        check_finite<double>(where, argument, {places.empty() ? nullptr : &places[0].x, 3 * places.size()});
-    };
-    check_places("rest_joints", rig.rest_joints);
-    check_places("joints", rig.joints);
+    detail::check_coordinates(where, "rest_joints", rig.rest_joints);
+    detail::check_coordinates(where, "joints", rig.joints);
     check_finite<double>(where, "timestamps", rig.timestamps);
     const auto check_rotations = [&](const char* argument, const std::vector<mat3<double>>& rotations) {
         for (std::size_t i = 0; i < rotations.size(); ++i)
