@@ -102,10 +102,10 @@ TEST_CASE("a file is the same in every locale, and holds large numbers") {
     }
     CHECK(read_file(folder / "a.bvh") == read_file(folder / "b.bvh"));
     CHECK(read_file(folder / "a.bvh") == test::contains("Frame Time: 0.0291666667\n"));
-    rig.joints[0].x = 1e99;
+    rig.joints[0].x = 1e29;
     save_bvh(folder / "c.bvh", rig);
     const std::string text = read_file(folder / "c.bvh"), motion = text.substr(text.find("Frame Time"));
-    CHECK(std::stod(motion.substr(motion.find('\n'))) == doctest::Approx(1e101));
+    CHECK(std::stod(motion.substr(motion.find('\n'))) == doctest::Approx(1e31));
 }
 
 TEST_CASE("names that a line of BVH cannot hold are changed, and stay different") {
