@@ -1,18 +1,25 @@
 /* SPDX-License-Identifier: Apache-2.0
- * What the static libstdc++ of GCC 12, its headers, and libraries configured with the headers of Debian 12 expect of
- * glibc, and glibc 2.27 does not have. Every library and executable of the wheel gets a copy of its own. */
+ * What gsh, the static libstdc++ of GCC 12, its headers, and libraries configured with the headers of Debian 12 expect
+ * of glibc, and glibc 2.27 does not have. Every library and executable of the wheel gets a copy of its own. */
 #define _GNU_SOURCE
 #include <errno.h>
 #include <pthread.h>
 #include <stdint.h>
 #include <stdlib.h>
 #include <sys/random.h>
+#include <sys/syscall.h>
 #include <time.h>
+#include <unistd.h>
 
 #define HIDDEN __attribute__((visibility("hidden")))
 
 /* Not known: counters are then always atomic. */
 HIDDEN char __libc_single_threaded = 0;
+
+/* For gsh, which exchanges files and folders. Linux has the call since 3.15. */
+HIDDEN int renameat2(int from_folder, const char* from, int to_folder, const char* to, unsigned flags) {
+    return (int)syscall(SYS_renameat2, from_folder, from, to_folder, to, flags);
+}
 
 /* For libzip, and below for std::random_device. */
 HIDDEN void arc4random_buf(void* buffer, size_t size) {
