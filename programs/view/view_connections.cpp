@@ -120,10 +120,30 @@ RequestHead parse_head(std::string_view head, std::string_view key, const Connec
     return result;
 }
 
+void Places::take() {
+    std::unique_lock lock(mutex_);
+    const std::uint64_t mine = asked_++;
+    changed_.wait(lock, [&] { return stopping_ || (served_ == mine && free_ > 0); });
+    if (stopping_) throw Stopped(); // so do all that asked later
+    ++served_, --free_;
+    changed_.notify_all(); // the next one may find a place, too
+}
+void Places::give_back() {
+    const std::lock_guard lock(mutex_);
+    ++free_;
+    changed_.notify_all();
+}
+void Places::stop() {
+    const std::lock_guard lock(mutex_);
+    stopping_ = true;
+    changed_.notify_all();
+}
+
 /// A connection, as httplib's stream of one request at a time.
 class GuardedServer::Connection : public httplib::Stream {
 public:
-    Connection(socket_t socket, const ConnectionLimits& limits) : socket_(socket), limits_(limits) {}
+    Connection(socket_t socket, GuardedServer& server)
+        : socket_(socket), limits_(server.limits_), work_(server.work_), upload_(server.uploads_) {}
 
     // The beginning of a request.
 
@@ -153,11 +173,17 @@ public:
             pending_.append(bytes, static_cast<std::size_t>(count));
         }
     }
-    /// Lets httplib read this head, and then as many bytes as its body has.
-    void begin(std::string head, std::size_t body_bytes) {
-        head_ = std::move(head), at_ = 0, left_ = body_bytes;
+    /// Lets httplib read this head, and then as many bytes as its body has. Waits for a place if the request needs one
+    /// now. Errors  Places::Stopped.
+    void begin(const RequestHead& head) {
+        head_ = head.text, at_ = 0, left_ = head.has_key ? head.body_bytes : 0;
+        needs_place_ = head.has_key;
+        if (left_ > limits_.upload_bytes) upload_.take();
         body_deadline_ = Clock::now() + limits_.body;
+        if (left_ == 0) begin_work();
     }
+    /// The request has been answered, or has failed.
+    void finish() { work_.give_back(), upload_.give_back(); }
     /// Whether a body was not read to its end.
     [[nodiscard]] bool has_rest() const { return left_ > 0; }
 
@@ -169,19 +195,20 @@ public:
         if (at_ < head_.size()) return take(head_, at_, data, size);
         size = std::min(size, left_);
         if (size == 0) return 0;
-        if (!pending_.empty()) {
-            std::size_t begin = 0;
-            const ssize_t count = take(pending_, begin, data, size);
-            pending_.erase(0, begin);
-            left_ -= begin;
-            return count;
+        const ssize_t count = read_body(data, size);
+        if (count <= 0) return count;
+        left_ -= static_cast<std::size_t>(count);
+        if (left_ > 0) return count;
+        try {
+            begin_work();
+        } catch (const Places::Stopped&) {
+            return -1;
         }
-        if (!wait_for(socket_, POLLIN, std::min(body_deadline_, Clock::now() + limits_.pause))) return -1;
-        const ssize_t count = ::recv(socket_, data, size, 0);
-        if (count > 0) left_ -= static_cast<std::size_t>(count);
         return count;
     }
     ssize_t write(const char* data, std::size_t size) override {
+        // The answer is there, and how fast it is read is the client's matter. Before the body's end, it is "100 Continue".
+        if (left_ == 0) finish();
         if (!wait_for(socket_, POLLOUT, Clock::now() + limits_.pause)) return -1;
         return ::send(socket_, data, size, MSG_NOSIGNAL | MSG_DONTWAIT);
     }
@@ -234,15 +261,33 @@ private:
         return static_cast<ssize_t>(count);
     }
 
+    /// A piece of the body, as recv().
+    ssize_t read_body(char* data, std::size_t size) {
+        if (pending_.empty()) {
+            if (!wait_for(socket_, POLLIN, std::min(body_deadline_, Clock::now() + limits_.pause))) return -1;
+            return ::recv(socket_, data, size, 0);
+        }
+        std::size_t begin = 0;
+        const ssize_t count = take(pending_, begin, data, size);
+        pending_.erase(0, begin);
+        return count;
+    }
+    void begin_work() {
+        if (std::exchange(needs_place_, false)) work_.take();
+    }
+
     socket_t socket_;
     const ConnectionLimits& limits_;
+    Place work_, upload_;
+    bool needs_place_ = false;
     std::string pending_; // received and not read
     std::string head_;
     std::size_t at_ = 0, left_ = 0;
     Clock::time_point body_deadline_{};
 };
 
-GuardedServer::GuardedServer(std::string_view key, ConnectionLimits limits) : key_(key), limits_(limits) {
+GuardedServer::GuardedServer(std::string_view key, ConnectionLimits limits)
+    : key_(key), limits_(limits), work_(limits.requests), uploads_(limits.uploads) {
     new_task_queue = [this] { return new ConnectionThreads([this] { stop_waiting(); }); };
 }
 
@@ -252,7 +297,7 @@ void GuardedServer::stop_waiting() {
     for (const auto* list : {&guests_, &members_})
         for (const Connection* connection : *list)
             connection->is_waiting ? connection->end() : connection->end_reading();
-    changed_.notify_all();
+    work_.stop(), uploads_.stop();
 }
 
 void GuardedServer::enter(Connection& connection) {
@@ -281,7 +326,7 @@ bool GuardedServer::admit(Connection& connection) {
 
 bool GuardedServer::process_and_close_socket(socket_t socket) {
     try {
-        Connection connection(socket, limits_);
+        Connection connection(socket, *this);
         enter(connection);
         try {
             serve(connection);
@@ -315,30 +360,21 @@ void GuardedServer::serve(Connection& connection) {
             connection.refuse(head.status, head.refusal);
             return connection.close_gently(head.has_key ? 2 * limits_.body_bytes : rest);
         }
-        connection.begin(std::move(head.text), head.has_key ? head.body_bytes : 0);
-        bool closed = false;
-        {
-            std::unique_lock lock(mutex_);
-            changed_.wait(lock, [&] { return !head.has_key || stopping_ || working_ < limits_.requests; });
-            if (stopping_) return;
-            working_ += head.has_key;
-            connection.is_waiting = false;
-        }
-        const auto finish_request = [&] {
+        const auto set_waiting = [&](bool waiting) { // returns whether the server goes on
             const std::lock_guard lock(mutex_);
-            working_ -= head.has_key;
-            connection.is_waiting = true;
-            changed_.notify_one();
-            return stopping_;
+            connection.is_waiting = waiting;
+            return !stopping_;
         };
-        bool alive = false;
+        if (!set_waiting(false)) return;
+        bool closed = false, alive = false;
         try {
+            connection.begin(head);
             alive = process_request(connection, !head.has_key, closed, nullptr);
-        } catch (...) { // without memory
-            (void)finish_request();
-            throw;
+        } catch (const Places::Stopped&) {
+            return;
         }
-        if (finish_request()) return;
+        connection.finish();
+        if (!set_waiting(true)) return;
         if (!alive || closed || !head.has_key || connection.has_rest())
             return connection.close_gently(head.has_key ? limits_.body_bytes : rest);
     }

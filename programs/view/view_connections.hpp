@@ -8,19 +8,23 @@
 #include <chrono>
 #include <condition_variable>
 #include <cstddef>
+#include <cstdint>
 #include <functional>
 #include <list>
 #include <mutex>
 #include <string>
 #include <string_view>
 #include <thread>
+#include <utility>
 
 namespace gsh::programs {
 
 struct ConnectionLimits {
-    std::size_t guests = 128; ///< connections that have not shown the key; a further one ends the oldest
-    std::size_t members = 64; ///< connections that have
-    std::size_t requests = 8; ///< that are worked on at one time
+    std::size_t guests = 128;  ///< connections that have not shown the key; a further one ends the oldest
+    std::size_t members = 256; ///< connections that have
+    std::size_t requests = 8;  ///< that are worked on at one time, from the end of the body to the answer's beginning
+    std::size_t uploads = 8;   ///< requests with a body above upload_bytes, from its beginning to the answer's
+    std::size_t upload_bytes = std::size_t(1) << 20;
     std::size_t head_bytes = 16384;
     std::size_t fields = 64;                 ///< lines of a head
     std::chrono::milliseconds head{5000};    ///< for a whole head, from its first byte or the connection's beginning
@@ -47,6 +51,44 @@ struct RequestHead {
 /// there once; a body needs a Content-Length; it cannot be sent in chunks.
 [[nodiscard]] RequestHead parse_head(std::string_view head, std::string_view key, const ConnectionLimits& limits);
 
+/// Places for a number of requests, given in the order in which they were asked for.
+class Places {
+public:
+    explicit Places(std::size_t count) : free_(count) {}
+    /// Waits for a place. Errors  Stopped, a place is not taken.
+    void take();
+    void give_back();
+    /// Whoever waits, or will wait, gets no place any more.
+    void stop();
+
+    struct Stopped {};
+
+private:
+    std::mutex mutex_;
+    std::condition_variable changed_;
+    std::size_t free_;
+    std::uint64_t asked_ = 0, served_ = 0; // numbers of who asked last, and of who is next
+    bool stopping_ = false;
+};
+
+/// A place that is taken and given back once, or never.
+class Place {
+public:
+    explicit Place(Places& places) : places_(places) {}
+    ~Place() { give_back(); }
+    Place(const Place&) = delete;
+    Place& operator=(const Place&) = delete;
+
+    void take() { places_.take(), is_taken_ = true; }
+    void give_back() {
+        if (std::exchange(is_taken_, false)) places_.give_back();
+    }
+
+private:
+    Places& places_;
+    bool is_taken_ = false;
+};
+
 /// An httplib server that reads the heads of requests itself.
 ///
 /// httplib 0.11.4 reads a head in a thread of a small pool, without a bound on its whole time, so that a few
@@ -54,6 +96,9 @@ struct RequestHead {
 /// that stand there twice. Here each connection has a thread of its own. A head has one deadline, and the oldest
 /// connection without the key gives way to a new one. httplib receives a request when its head is complete, and no more
 /// bytes of the body than it states. Without the key it receives none, and the connection ends after the answer.
+///
+/// A request has one of a few places while it is worked on. Places are given in the order of requests, so that no page
+/// waits longer than the others. A client that sends a body slowly, or reads an answer slowly, has none meanwhile.
 class GuardedServer : public httplib::Server {
 public:
     /// `key` must outlive this object.
@@ -76,10 +121,9 @@ private:
 
     std::string_view key_;
     ConnectionLimits limits_;
+    Places work_, uploads_;
     std::mutex mutex_;
-    std::condition_variable changed_;
     std::list<Connection*> guests_, members_; // the oldest first
-    std::size_t working_ = 0;
     bool stopping_ = false;
 };
 

@@ -11,6 +11,7 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <deque>
@@ -68,7 +69,7 @@ private:
     bool ended_ = false;
 };
 
-/// A server whose answers are the target and the body of the request.
+/// A server whose answers are the target and the body of the request. /slow takes 20 ms, /large has 32 MB.
 class Running {
 public:
     explicit Running(ConnectionLimits limits = {}) : server_(server_key, limits) {
@@ -78,6 +79,13 @@ public:
             response.status = 403;
             response.set_content("key: is missing\n", "text/plain");
             return httplib::Server::HandlerResponse::Handled;
+        });
+        server_.Get("/slow", [](const httplib::Request&, httplib::Response& response) {
+            std::this_thread::sleep_for(20ms);
+            response.set_content("slow\n", "text/plain");
+        });
+        server_.Get("/large", [](const httplib::Request&, httplib::Response& response) {
+            response.set_content(std::string(32'000'000, 'x'), "text/plain");
         });
         server_.Get("/.*", [](const httplib::Request& request, httplib::Response& response) {
             response.set_content("got " + request.path + "\n", "text/plain");
@@ -253,4 +261,51 @@ TEST_CASE("gsh-view: the server ends at once, whatever clients wait for") {
     held.emplace_back(server.port(), post("/a", "body").substr(0, 70)); // half a body
     std::this_thread::sleep_for(50ms);
     CHECK(seconds_of([&] { server.stop(); }) < 2);
+}
+
+TEST_CASE("gsh-view: who reads an answer slowly, or sends a body slowly, delays nobody else") {
+    Running server({.requests = 1});
+    RawClient reader(server.port(), get("/large"));
+    CHECK(reader.receive("200", 3s).starts_with("HTTP/1.1 200")); // and no more of it
+    CHECK(RawClient(server.port(), get("/a")).receive("got /a\n", 2s).ends_with("got /a\n"));
+    const std::string request = post("/b", "a body");
+    RawClient sender(server.port(), request.substr(0, request.size() - 2));
+    std::this_thread::sleep_for(50ms);
+    CHECK(RawClient(server.port(), get("/c")).receive("got /c\n", 2s).ends_with("got /c\n"));
+    sender.send("dy");
+    CHECK(sender.receive("a body\n").ends_with("got /b with a body\n"));
+}
+
+TEST_CASE("gsh-view: requests are answered in the order in which they came, however many one page sends") {
+    Running server({.requests = 1});
+    std::string many;
+    for (int i = 0; i < 40; ++i) many += get("/slow");
+    RawClient greedy(server.port(), many);
+    (void)greedy.receive("slow\n");
+    double slowest = 0;
+    for (int i = 0; i < 3; ++i)
+        slowest = std::max(slowest, seconds_of([&] { // behind one request of the other page
+                               CHECK(RawClient(server.port(), get("/a")).receive("got /a\n").ends_with("got /a\n"));
+                           }));
+    CHECK(slowest < 0.3); // all of the other page take 0.8
+}
+
+TEST_CASE("gsh-view: few large bodies are held at one time, and small ones do not wait for them") {
+    Running server({.uploads = 1, .upload_bytes = 20});
+    const std::string body(100, 'b'), answer = body + "\n";
+    const auto half = [&](const std::string& fields) {
+        return "POST /a?key=" + server_key + " HTTP/1.1\r\nHost: localhost\r\nContent-Length: 100\r\n" + fields +
+               "\r\n" + body.substr(0, 50);
+    };
+    for (const char* fields : {"", "Expect: 100-continue\r\n"}) {
+        CAPTURE(fields);
+        RawClient first(server.port(), half(fields));
+        std::this_thread::sleep_for(50ms);
+        RawClient second(server.port(), post("/b", body));
+        CHECK(second.receive(answer, 200ms).empty());
+        CHECK(RawClient(server.port(), post("/c", "small")).receive("small\n").ends_with("with small\n"));
+        first.send(body.substr(50));
+        CHECK(first.receive(answer).ends_with(answer));
+        CHECK(second.receive(answer).ends_with(answer));
+    }
 }
