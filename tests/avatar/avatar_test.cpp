@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gsh/avatar/avatar.hpp>
 #include <gsh/body/surface_samples.hpp>
+#include <gsh/camera/pinhole.hpp>
 #include <gsh/cpu.hpp>
 #include <gsh/light/light.hpp>
+#include <gsh/render/rasterizer.hpp>
 
 #include "support/bodies.hpp"
 
@@ -12,6 +14,7 @@
 #include <cmath>
 #include <cstddef>
 #include <initializer_list>
+#include <thread>
 #include <utility>
 #include <vector>
 
@@ -153,4 +156,52 @@ TEST_CASE("an avatar whose parts differ in number is refused") {
     avatar = shaded_avatar();
     avatar.gaussians.resize(avatar.gaussians.size() - 1, 2);
     CHECK_THROWS_AS(Avatar<cpu::Serial>(backend, avatar), ShapeError);
+}
+
+TEST_CASE("several threads pose and draw one avatar, each with caches of its own, as one thread does") {
+    using B = cpu::Threads;
+    constexpr std::size_t thread_count = 8, frames = 12;
+    constexpr int size = 32;
+    B backend(4);
+    AvatarData data = shaded_avatar();
+    data.light = even_light(0, 6, {0, 0, 0}, 1);
+    data.light->points = {{1.5, 1.6, 1.5}};
+    data.light->log_intensities.insert(data.light->log_intensities.begin(), 0.8);
+    const Avatar<B> avatar(backend, data);
+    const Rasterizer<B> rasterizer(backend);
+    test::Rng rng(7);
+    Motion motion = rest_motion(data.rig);
+    motion.pose = rng.vecs(4, -0.6, 0.6);
+    const auto draw = [&](std::size_t thread) {
+        Splats<B> splats;
+        splats.resize(avatar.size());
+        Avatar<B>::Cache cache;
+        Rasterizer<B>::Cache raster;
+        RigPose<B, float> pose;
+        std::vector<float> pictures;
+        Motion moved = motion; // each thread has poses and cameras of its own
+        for (std::size_t frame = 0; frame < frames; ++frame) {
+            moved.pose[2] = motion.pose[2] + vec3<double>(0, 0.05 * static_cast<double>(frame + 3 * thread), 0);
+            const auto camera = look_at<float>({0.2f * static_cast<float>(thread), 0.5f, 3.0f}, {0, 0.5f, 0}, {0, 1, 0},
+                                               0.7f, size, size);
+            Image<float> color(3, size, size);
+            avatar.rig().upload_pose(moved, 0, pose);
+            avatar.pose(pose, camera.center(), splats.view(), cache);
+            rasterizer.forward(camera, std::as_const(splats).view(), {}, {.color = color.view()}, raster);
+            pictures.insert(pictures.end(), color.data.begin(), color.data.end());
+        }
+        return pictures;
+    };
+    std::vector<std::vector<float>> together(thread_count);
+    std::vector<std::thread> threads;
+    for (std::size_t thread = 0; thread < thread_count; ++thread)
+        threads.emplace_back([&, thread] { together[thread] = draw(thread); });
+    for (std::thread& thread : threads) thread.join();
+    for (std::size_t thread = 0; thread < thread_count; ++thread) {
+        CAPTURE(thread);
+        const std::vector<float> alone = draw(thread);
+        CHECK(*std::max_element(alone.begin(), alone.end()) > 0.1f);
+        CHECK(together[thread] == alone);
+    }
+    CHECK(together[0] != together[1]);
 }
