@@ -15,6 +15,7 @@
 #include <gsh/check/capture_check.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/io/capture/capture_images.hpp>
+#include <gsh/io/file/input_file.hpp>
 #include <gsh/io/image/image_file.hpp>
 
 #include <algorithm>
@@ -267,7 +268,7 @@ int main(int argc, char** argv) {
     const CLI::Option* backend = app.add_option("--backend", ignored)->group(""); // not listed by --help
     return run_program(app, argc, argv, [&] {
         check_value(backend->count() == 0, "--backend", "gsh-check computes on the CPU alone; leave the option out");
-        if (std::filesystem::is_directory(options.capture)) check_body(options);
+        if (InputFile(options.capture).is_folder()) check_body(options);
         complete_poses(options);
         return check(options);
     });

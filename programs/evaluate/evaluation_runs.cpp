@@ -5,6 +5,7 @@
 
 #include <gsh/core/error.hpp>
 #include <gsh/core/message.hpp>
+#include <gsh/io/file/full_path.hpp>
 #include <gsh/io/file/named_path.hpp>
 #include <gsh/reconstruct/static_reconstruction.hpp>
 #include <gsh/train/static_model.hpp>
@@ -132,9 +133,7 @@ std::vector<Run> planned_runs(const EvaluateOptions& o) {
 }
 
 EvaluationFolder::EvaluationFolder(const EvaluateOptions& o) : locked_(o.common.out), folder_(locked_.path()) {
-    const auto path = [](const std::filesystem::path& p) {
-        return p.empty() ? "" : std::filesystem::weakly_canonical(p).string();
-    };
+    const auto path = [](const std::filesystem::path& p) { return p.empty() ? "" : full_path(p).string(); };
     const auto file = [&](const std::filesystem::path& p) { // the path and the content
         return p.empty() ? "" : path(p) + " " + file_checksum(p);
     };

@@ -56,8 +56,8 @@ struct Exhausted {
     }
 };
 
-namespace detail {
-/// The numbers of the allocations that fail.
+namespace allocations {
+/// The numbers of those that fail.
 inline std::vector<std::size_t> chosen_failures(std::size_t count, const Thoroughness& how) {
     std::set<std::size_t> chosen;
     for (std::size_t n = 1; n <= std::min(count, how.first); ++n) chosen.insert(n);
@@ -68,7 +68,7 @@ inline std::vector<std::size_t> chosen_failures(std::size_t count, const Thoroug
             chosen.insert(how.first + 1 + random_bits(Thoroughness::seed, k) % (count - how.first));
     return {chosen.begin(), chosen.end()};
 }
-} // namespace detail
+} // namespace allocations
 
 /// Lets allocations of call() fail, one per call. Each call must return the same result as without a failure, or throw
 /// std::bad_alloc or an error of gsh; the next call must return the same result; and no block may be lost.
@@ -95,7 +95,7 @@ Exhausted exhaust(const std::string& what, const Prepare& prepare, const Call& c
         lost = allocations::live() - before;
         if (lost != 0) FAIL_CHECK(what << ": a call keeps " << lost << " blocks");
     }
-    for (const std::size_t n : detail::chosen_failures(sum.allocations, Thoroughness::of_environment(usual))) {
+    for (const std::size_t n : allocations::chosen_failures(sum.allocations, Thoroughness::of_environment(usual))) {
         std::string problem;
         problem.reserve(1000); // one block, also while it grows
         const std::ptrdiff_t before = allocations::live();

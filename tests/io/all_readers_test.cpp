@@ -3,11 +3,8 @@
 ///        and memory.
 
 #include "io/damage.hpp"
+#include "io/every_sample.hpp"
 #include "io/npz_files.hpp"
-#include "io/samples.hpp"
-#include "io/samples_of_captures.hpp"
-#include "io/samples_of_files.hpp"
-#include "io/samples_of_motions.hpp"
 #include "io/temporary.hpp"
 
 #include <gsh/io/file/input_file.hpp>
@@ -50,19 +47,6 @@ private:
     bool is_set_ = false;
 };
 
-std::vector<test::Sample> write_samples(const fs::path& folder) {
-    test::Samples samples(folder);
-    test::add_array_files(samples);
-    test::add_image_files(samples);
-    test::add_splat_files(samples);
-    test::add_model_files(samples);
-    test::add_motion_files(samples);
-    test::add_camera_files(samples);
-    test::add_reconstructions(samples);
-    test::add_captures(samples);
-    return samples.all;
-}
-
 /// Writes a sample as a seed of its fuzz target: a file as it is, a folder as a zip archive.
 void write_seed(const test::Sample& sample, const fs::path& corpus) {
     fs::create_directories(corpus / sample.target);
@@ -85,12 +69,12 @@ TEST_CASE("the seeds of the fuzz targets are written where a variable asks for i
     const char* to = std::getenv("GSH_WRITE_SEEDS");
     if (!to) return;
     const test::Temporary folder;
-    for (const test::Sample& sample : write_samples(folder / "")) write_seed(sample, to);
+    for (const test::Sample& sample : test::write_samples(folder / "")) write_seed(sample, to);
 }
 
 TEST_CASE("damaged files of every kind are read or refused by name, in time and within memory") {
     const test::Temporary folder;
-    const auto samples = write_samples(folder / "");
+    const auto samples = test::write_samples(folder / "");
     for (const test::Sample& sample : samples) {
         CAPTURE(sample.place.string());
         if (sample.whole)

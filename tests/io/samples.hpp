@@ -5,6 +5,8 @@
 ///            GSH_WRITE_SEEDS=tests/fuzz/corpus build/release/bin/test_io_all_readers --test-case='*seeds*'
 #pragma once
 
+#include "support/digest.hpp"
+
 #include <gsh/io/file/input_file.hpp>
 
 #include <filesystem>
@@ -20,7 +22,8 @@ struct Sample {
     std::string target;              ///< the fuzz target of the reader
     std::filesystem::path place;     ///< the file or the folder
     std::vector<std::string> damage; ///< of a folder: its files that are damaged one at a time
-    std::function<void(const std::filesystem::path& place)> read;
+    /// Reads it, and returns a digest of what was read.
+    std::function<std::string(const std::filesystem::path& place)> read;
     bool whole = true; ///< whether the reader accepts it; a network's weights are too large for that
 };
 
@@ -32,20 +35,25 @@ public:
     template <class Read>
     std::filesystem::path file(const std::string& target, const std::string& name, Read read, bool whole = true) {
         std::filesystem::create_directories(folder_ / target);
-        all.push_back({target, folder_ / target / name, {}, std::move(read), whole});
+        all.push_back({target, folder_ / target / name, {}, digested(std::move(read)), whole});
         return all.back().place;
     }
     template <class Read>
     std::filesystem::path folder(const std::string& target, const std::string& name, std::vector<std::string> damage,
                                  Read read) {
         std::filesystem::create_directories(folder_ / target / name);
-        all.push_back({target, folder_ / target / name, std::move(damage), std::move(read)});
+        all.push_back({target, folder_ / target / name, std::move(damage), digested(std::move(read))});
         return all.back().place;
     }
     std::vector<Sample> all;
 
 private:
     std::filesystem::path folder_;
+
+    template <class Read>
+    static auto digested(Read read) {
+        return [read = std::move(read)](const std::filesystem::path& place) { return Digest::of(read(place)); };
+    }
 };
 
 /// A file of tests/data/0.1.

@@ -45,15 +45,15 @@ inline detail::Json sample_points(int count) {
 }
 
 inline void add_camera_files(Samples& samples) {
-    const auto list = [](const std::filesystem::path& file) { (void)read_cameras(file); };
+    const auto list = [](const std::filesystem::path& file) { return read_cameras(file); };
     write_cameras(samples.file("cameras", "two.json", list), {sample_cameras(), 25, -0.5, {1}});
     copy_of_0_1("capture/cameras.json", samples.file("cameras", "distorted.json", list));
-    const auto one = [](const std::filesystem::path& file) { (void)read_camera(file); };
+    const auto one = [](const std::filesystem::path& file) { return read_camera(file); };
     copy_of_0_1("camera.json", samples.file("camera", "of_0_1.json", one));
 
     const auto priors = samples.folder("prior-views", "maps", {"priors.json"}, [](const std::filesystem::path& folder) {
         const std::vector<std::string> people{"anna", "ben"};
-        (void)read_prior_views(folder / "priors.json", sample_cameras(), 3, people);
+        return read_prior_views(folder / "priors.json", sample_cameras(), 3, people);
     });
     write_array(priors / "depth.npy", std::vector<float>(48, 2.0f), {6, 8});
     PixelImage normals(3, 6, 8), white(1, 6, 8);
@@ -68,7 +68,7 @@ inline void add_camera_files(Samples& samples) {
 
     const auto keypoints = [](const std::filesystem::path& folder) {
         const auto file = folder / "keypoints.json";
-        (void)load_keypoints(std::filesystem::exists(file) ? file : folder, sample_cameras(), 3);
+        return load_keypoints(std::filesystem::exists(file) ? file : folder, sample_cameras(), 3);
     };
     const auto openpose = samples.folder("keypoints", "openpose", {"cam00/000001_keypoints.json"}, keypoints);
     std::filesystem::create_directories(openpose / "cam00");
@@ -94,7 +94,7 @@ inline void add_camera_files(Samples& samples) {
                             {"mediapipe_right_hand", sample_points(21)},
                             {"mediapipe_world", world}});
 
-    const auto found = [](const std::filesystem::path& folder) { (void)load_detections(folder); };
+    const auto found = [](const std::filesystem::path& folder) { return load_detections(folder); };
     const auto single = samples.folder("detections", "of_0_1", {"video.json", "keypoints.json"}, found);
     std::filesystem::remove_all(single);
     copy_of_0_1("detections", single);
@@ -114,7 +114,7 @@ inline void add_camera_files(Samples& samples) {
 
 inline void add_reconstructions(Samples& samples) {
     const auto read = [](const std::filesystem::path& folder) {
-        (void)read_colmap_image(read_colmap(folder).images.at(0), folder / "images");
+        return read_colmap_image(read_colmap(folder).images.at(0), folder / "images");
     };
     ColmapFiles files;
     files.cameras = {{1, 4, "OPENCV", 24, 16, {20, 20, 12, 8, -0.02, 0.003, 0.001, -0.002}},
@@ -133,7 +133,7 @@ inline void add_reconstructions(Samples& samples) {
     }
     const auto cameras =
         samples.folder("easymocap-cameras", "two", {"intri.yml", "extri.yml"},
-                       [](const std::filesystem::path& folder) { (void)read_easymocap_cameras(folder); });
+                       [](const std::filesystem::path& folder) { return read_easymocap_cameras(folder); });
     write_opencv_cameras(cameras, sample_cameras());
 }
 
@@ -142,7 +142,7 @@ inline void add_captures(Samples& samples) {
     const auto read = [body](std::vector<std::filesystem::path> poses) {
         return [body, poses](const std::filesystem::path& folder) {
             cpu::Serial backend;
-            (void)load_people_capture(backend, folder, {&body, 1}, poses);
+            return load_people_capture(backend, folder, {&body, 1}, poses);
         };
     };
     Capture made;
@@ -188,8 +188,8 @@ inline void add_captures(Samples& samples) {
     video.write_split("anim_nerf_train.npz", {0, 2}, 0.25, 0.125);
     video.write_split("anim_nerf_test.npz", {3}, 0.25, 0.125);
     write_text(video.path / "split.json", R"({"train": [0, 2, 2], "test": [3, 3, 1]})");
-    const auto snapshot =
-        samples.folder("snapshot-capture", "video", {"cameras.npz", "poses/anim_nerf_train.npz", "split.json"}, read({}));
+    const auto snapshot = samples.folder("snapshot-capture", "video",
+                                         {"cameras.npz", "poses/anim_nerf_train.npz", "split.json"}, read({}));
     std::filesystem::copy(video.path, snapshot, std::filesystem::copy_options::recursive);
 
     const auto mocap = samples.folder("easymocap-capture", "studio",
@@ -206,7 +206,7 @@ inline void add_captures(Samples& samples) {
                        {"model/weights.npy", "model/jointParent.txt", "scene/camera/1.txt", "scene/pose/0000.txt"},
                        [](const std::filesystem::path& folder) {
                            cpu::Serial backend;
-                           (void)load_any_capture(backend, folder / "scene", nullptr);
+                           return load_any_capture(backend, folder / "scene", nullptr);
                        });
     std::filesystem::copy(gala.model, scene / "model");
     std::filesystem::copy(gala.scene, scene / "scene", std::filesystem::copy_options::recursive);

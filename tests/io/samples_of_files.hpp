@@ -44,7 +44,7 @@
 namespace gsh::test {
 
 inline void add_array_files(Samples& samples) {
-    const auto npy = [](const std::filesystem::path& file) { (void)read_npy<double>(file, Numbers::any); };
+    const auto npy = [](const std::filesystem::path& file) { return read_npy<double>(file, Numbers::any); };
     const std::vector<float> floats{1, 2.5f, -3, 4, 0, 6};
     write_array(samples.file("npy", "floats.npy", npy), floats, {2, 3});
     write_text(samples.file("npy", "fortran.npy", npy), npy_bytes("<f8", "(2, 2)", std::string(32, '\0'), true));
@@ -52,8 +52,11 @@ inline void add_array_files(Samples& samples) {
     write_text(samples.file("npy", "halves.npy", npy), npy_bytes("<f2", "(2,)", std::string("\0\x3c\0\x40", 4)));
     const auto npz = [](const std::filesystem::path& file) {
         const NpzReader archive(file);
+        std::vector<NpyArray<double>> arrays;
         for (const std::string& key : archive.keys())
-            if (archive.has_array(key) && !archive.header(key).is_text()) (void)archive.read<double>(key, Numbers::any);
+            if (archive.has_array(key) && !archive.header(key).is_text())
+                arrays.push_back(archive.read<double>(key, Numbers::any));
+        return arrays;
     };
     for (const bool packed : {false, true}) {
         NpzWriter file(samples.file("npz", packed ? "packed.npz" : "stored.npz", npz),
@@ -67,17 +70,20 @@ inline void add_array_files(Samples& samples) {
     tensors.add("third", "3, 2", floats, "F16");
     tensors.write(samples.file("safetensors", "a.safetensors", [](const std::filesystem::path& file) {
         const SafetensorsReader reader(file);
-        for (const std::string& key : reader.keys()) (void)reader.read<float>(key);
+        std::vector<NpyArray<float>> arrays;
+        for (const std::string& key : reader.keys()) arrays.push_back(reader.read<float>(key));
+        return arrays;
     }));
-    write_text(samples.file("json", "a.json", [](const std::filesystem::path& file) { (void)detail::read_json(file); }),
-               R"({"a": [1, -2.5e3, true, null], "b": {"c": "text \u00e9\n"}})");
-    const auto configuration = [](const std::filesystem::path& file) { (void)read_configuration(file); };
+    write_text(
+        samples.file("json", "a.json", [](const std::filesystem::path& file) { return detail::read_json(file); }),
+        R"({"a": [1, -2.5e3, true, null], "b": {"c": "text \u00e9\n"}})");
+    const auto configuration = [](const std::filesystem::path& file) { return read_configuration(file); };
     copy_of_0_1("settings.json", samples.file("configuration", "person.json", configuration));
     write_text(samples.file("configuration", "light.json", configuration),
                R"({"configuration": "paper", "rate.sh": 0.001, "hash_sh": false, "light": true, "ao": "pose"})");
 
     // A network's weights are too large for a sample: two layers of VGG16.
-    const auto network = [](const std::filesystem::path& file) { (void)read_lpips(file); };
+    const auto network = [](const std::filesystem::path& file) { return read_lpips(file); };
     const std::vector<float> weights(64 * 3 * 3 * 3, 0.5f), bias(64, 0.25f);
     SafetensorsFile layers;
     layers.add("features.0.weight", "64, 3, 3, 3", weights, "BF16"), layers.add("features.0.bias", "64", bias, "BF16");
@@ -99,9 +105,9 @@ inline PixelImage coloured(int channels, int height, int width) {
 }
 
 inline void add_image_files(Samples& samples) {
-    const auto image = [](const std::filesystem::path& file) { (void)read_image(file); };
-    const auto mask = [](const std::filesystem::path& file) { (void)read_mask(file); };
-    const auto normals = [](const std::filesystem::path& file) { (void)read_normal_map(file); };
+    const auto image = [](const std::filesystem::path& file) { return read_image(file); };
+    const auto mask = [](const std::filesystem::path& file) { return read_mask(file); };
+    const auto normals = [](const std::filesystem::path& file) { return read_normal_map(file); };
     write_png(samples.file("png", "rgba.png", image), coloured(4, 8, 12));
     write_text(samples.file("png", "turned.png", image), with_exif(encode_png(coloured(3, 4, 6)), orientation_tiff(6)));
     write_png(samples.file("png", "grey.png", image), coloured(1, 4, 6));
@@ -123,9 +129,9 @@ inline void add_image_files(Samples& samples) {
     for (int i = 0; i < 48; ++i) vectors.insert(vectors.end(), {0, 0.6f, 0.8f});
     write_array(samples.file("normals-npy", "a.npy", normals), vectors, {6, 8, 3});
     write_array(samples.file("depth-map", "a.npy",
-                             [](const std::filesystem::path& file) { (void)read_depth_map(file, false); }),
+                             [](const std::filesystem::path& file) { return read_depth_map(file, false); }),
                 std::vector<float>(48, 2.0f), {6, 8});
-    const auto environment = [](const std::filesystem::path& file) { (void)read_environment(file); };
+    const auto environment = [](const std::filesystem::path& file) { return read_environment(file); };
     const std::string head = "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 4 +X 8\n";
     write_text(samples.file("environment", "flat.hdr", environment), head + std::string(128, '\x80'));
     std::string rows; // run lengths: each of four planes is one run of eight
@@ -134,7 +140,7 @@ inline void add_image_files(Samples& samples) {
 }
 
 inline void add_splat_files(Samples& samples) {
-    const auto read = [](const std::filesystem::path& file) { (void)load_any_splats(file); };
+    const auto read = [](const std::filesystem::path& file) { return load_any_splats(file); };
     for (const SplatFormatTraits& row : splat_formats) {
         if (!row.read || !row.write) continue;
         const std::string ending(row.ending);
@@ -160,7 +166,7 @@ inline void add_splat_files(Samples& samples) {
 }
 
 inline void add_model_files(Samples& samples) {
-    const auto body = [](const std::filesystem::path& file) { (void)load_body_model(file); };
+    const auto body = [](const std::filesystem::path& file) { return load_body_model(file); };
     copy_of_0_1("body.npz", samples.file("body", "of_0_1.npz", body));
     save_body_model(samples.file("body", "small.npz", body), small_body(3, 2, 1));
     MakeHumanSample person;
@@ -168,14 +174,14 @@ inline void add_model_files(Samples& samples) {
         if (name.starts_with("targets/") && !name.starts_with("targets/torso/") && !name.starts_with("targets/chin/"))
             text.clear();
     person.write_zip(
-        samples.file("makehuman", "sample.zip", [](const std::filesystem::path& file) { (void)load_makehuman(file); }),
+        samples.file("makehuman", "sample.zip", [](const std::filesystem::path& file) { return load_makehuman(file); }),
         "");
-    const auto regions = [](const std::filesystem::path& file) { (void)read_regions(file, 57); };
+    const auto regions = [](const std::filesystem::path& file) { return read_regions(file, 57); };
     write_text(samples.file("regions", "lists.json", regions),
                R"({"face_vertices": [1, 2], "left_hand_vertices": [3], "right_hand_vertices": [4, 5], "high": [6]})");
     write_text(samples.file("regions", "importance.json", regions),
                detail::Json{{"importance", std::vector<double>(57, 0.25)}}.dump());
-    const auto avatar = [](const std::filesystem::path& file) { (void)load_avatar(file); };
+    const auto avatar = [](const std::filesystem::path& file) { return load_avatar(file); };
     for (const char* name : {"avatar.gsh", "avatar_compact.gsh", "avatar_paper.gsh", "avatar_paper_compact.gsh"})
         copy_of_0_1(name, samples.file("avatar", name, avatar));
 
@@ -183,8 +189,8 @@ inline void add_model_files(Samples& samples) {
     ArchiveWriter file(samples.file("checkpoint", "small.gsh",
                                     [](const std::filesystem::path& path) {
                                         const ArchiveReader archive(path, "checkpoint", checkpoint_version);
-                                        (void)archive.read_text("configuration");
-                                        (void)archive.read<float>("learned/means/values");
+                                        return std::pair(archive.read_text("configuration"),
+                                                         archive.read<float>("learned/means/values"));
                                     }),
                        "checkpoint", checkpoint_version);
     file.add("steps", std::uint64_t(4)), file.add("progress", 0.25), file.add("seed", std::uint64_t(3));

@@ -56,9 +56,9 @@ inline detail::Json easymocap_person(std::size_t numbers) {
 
 inline void add_motion_files(Samples& samples) {
     const BodyModel smplx = small_body(55, 3, 2, true), smpl = small_body(24, 3, 0);
-    const auto for_smplx = [smplx](const std::filesystem::path& file) { (void)load_any_motion(file, smplx); };
-    const auto for_smpl = [smpl](const std::filesystem::path& file) { (void)load_any_motion(file, smpl); };
-    const auto for_rig = [](const std::filesystem::path& file) { (void)load_any_motion(file, skeleton_body()); };
+    const auto for_smplx = [smplx](const std::filesystem::path& file) { return load_any_motion(file, smplx); };
+    const auto for_smpl = [smpl](const std::filesystem::path& file) { return load_any_motion(file, smpl); };
+    const auto for_rig = [](const std::filesystem::path& file) { return load_any_motion(file, skeleton_body()); };
     const auto npz = [&](const char* target, const char* name, const auto& read, std::size_t frames,
                          const Widths& members, const auto& more) {
         NpzWriter file(samples.file(target, name, read), Packing::deflated);
@@ -131,7 +131,7 @@ inline void add_motion_files(Samples& samples) {
     const auto scene =
         samples.folder("gala-poses", "scene", {"model/tpose.txt", "model/mesh.txt", "scene/pose/0001.txt"},
                        [body = small_body(27)](const std::filesystem::path& folder) {
-                           (void)load_any_motion(folder / "scene", load_gala_rig(folder / "model").body);
+                           return load_any_motion(folder / "scene", load_gala_rig(folder / "model").body);
                        });
     std::filesystem::copy(gala.model, scene / "model");
     std::filesystem::create_directories(scene / "scene/pose");
@@ -139,7 +139,7 @@ inline void add_motion_files(Samples& samples) {
         std::filesystem::copy(gala.scene / "pose" / name, scene / "scene/pose");
 
     write_text(
-        samples.file("joint-map", "map.json", [](const std::filesystem::path& file) { (void)read_joint_map(file); }),
+        samples.file("joint-map", "map.json", [](const std::filesystem::path& file) { return read_joint_map(file); }),
         R"({"Bip_LeftArm": "left_shoulder", "Bip_Prop": null})");
 }
 

@@ -10,11 +10,18 @@
 #include <gsh/body/region_mask.hpp>
 #include <gsh/body/rig_motion.hpp>
 #include <gsh/image/image.hpp>
-#include <gsh/io/capture/colmap.hpp>
+#include <gsh/io/body/makehuman_data.hpp>
+#include <gsh/io/capture/colmap_image.hpp>
 #include <gsh/io/capture/detections.hpp>
 #include <gsh/io/capture/named_camera.hpp>
+#include <gsh/io/capture/people_capture.hpp>
+#include <gsh/io/file/json_file.hpp>
+#include <gsh/io/file/npy.hpp>
 #include <gsh/io/image/image_file.hpp>
+#include <gsh/io/image/mask_file.hpp>
+#include <gsh/io/model/configuration_file.hpp>
 #include <gsh/io/splat/still_splats.hpp>
+#include <gsh/loss/lpips_network.hpp>
 #include <gsh/prior/estimated_view.hpp>
 #include <gsh/prior/prior_view.hpp>
 
@@ -92,6 +99,24 @@ private:
     void add(const Detections& v) { all(v.cameras, v.times, v.keypoints, v.masks); }
     void add(const JointMap& v) { add(v.named); }
     void add(const RegionLists& v) { all(v.face, v.left_hand, v.right_hand, v.high, v.importance); }
+    template <class T>
+    void add(const NpyArray<T>& v) {
+        all(v.shape, v.data);
+    }
+    void add(const gsh::detail::Json& v) { add(v.dump()); }
+    void add(const Configuration& v) { add(settings_of(v)); }
+    void add(const LpipsConvolution& v) { all(v.weight, v.bias); }
+    void add(const LpipsNetwork& v) { all(v.name, v.convolutions, v.lins); }
+    void add(const MakeHumanOffset& v) { all(v.vertex, v.offset); }
+    void add(const MakeHumanData& v) {
+        all(v.mesh.vertices, v.mesh.vt, v.mesh.groups, v.surface.faces, v.skeleton.parents, v.targets, v.expressions);
+    }
+    void add(const StoredMask& v) { all(v.values, v.orientation, v.levels.colors, v.levels.unit); }
+    void add(const StraightImage& v) { all(v.image, v.camera); }
+    void add(const Capture& v) { all(v.name, v.cameras, v.motion, v.images, v.backgrounds, v.test_frames, v.floor_y); }
+    void add(const CapturePerson& v) { all(v.name, v.motion, v.masks); }
+    void add(const AnyCapture& v) { all(v.capture, v.people); }
+    void add(const PeopleCapture& v) { all(v.any, v.people); }
     void add(const ColmapImage& v) { all(v.name, v.camera); }
     void add(const ColmapScene& v) { all(v.images, v.points, v.colors); }
 };

@@ -13,6 +13,8 @@
 #include <gsh/io/capture/colmap.hpp>
 #include <gsh/io/capture/colmap_image.hpp>
 #include <gsh/io/capture/named_camera.hpp>
+#include <gsh/io/file/full_path.hpp>
+#include <gsh/io/file/input_file.hpp>
 #include <gsh/io/image/image_file.hpp>
 #include <gsh/photo/photo.hpp>
 #include <gsh/setup/static_start.hpp>
@@ -68,11 +70,11 @@ inline void add_photo(StaticPhotos& input, const std::string& name, const Camera
 template <HostExecutor E>
 StaticPhotos load_capture_frame(E& executor, const std::filesystem::path& folder, std::size_t frame) {
     StaticPhotos input;
-    input.name = std::filesystem::weakly_canonical(folder).filename().string() + ", frame " + std::to_string(frame);
+    input.name = full_path(folder).filename().string() + ", frame " + std::to_string(frame);
     Capture capture; // its frames are this one
     capture.cameras = read_cameras(folder / "cameras.json").cameras;
     capture.motion.transl.resize(1);
-    const PhotoFiles all = list_photos(folder, capture.cameras, std::filesystem::is_directory(folder / "masks"), 0,
+    const PhotoFiles all = list_photos(folder, capture.cameras, InputFile(folder / "masks").is_folder(), 0,
                                        "as many as the other cameras have");
     const std::size_t frames = all.images.size() / std::max<std::size_t>(1, capture.cameras.size());
     check_value(frame < frames, (folder / "images").string(),
@@ -98,8 +100,8 @@ inline StaticPhotos load_colmap_photos(const std::filesystem::path& folder) {
     constexpr std::size_t hold = 8; // as in 3DGS
     ColmapScene scene = read_colmap(folder);
     StaticPhotos input;
-    input.name = std::filesystem::weakly_canonical(folder).filename().string();
-    const std::filesystem::path masks = std::filesystem::is_directory(folder / "masks") ? folder / "masks" : "";
+    input.name = full_path(folder).filename().string();
+    const std::filesystem::path masks = InputFile(folder / "masks").is_folder() ? folder / "masks" : "";
     std::vector<std::string> empty;
     for (std::size_t i = 0; i < scene.images.size(); ++i) {
         StraightImage straight = read_colmap_image(scene.images[i], folder / "images", masks);
@@ -110,8 +112,7 @@ inline StaticPhotos load_colmap_photos(const std::filesystem::path& folder) {
         else
             empty.push_back(scene.images[i].name);
     }
-    check_value(!input.training.empty(), folder.string(),
-                "no photograph for training has a mask that shows something");
+    check_value(!input.training.empty(), folder.string(), "no photograph for training has a mask that shows something");
     if (!empty.empty())
         input.warnings.push_back(folder.string() + ": " + std::to_string(empty.size()) +
                                  " photographs have an empty mask and are left out: " +

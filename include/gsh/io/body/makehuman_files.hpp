@@ -4,8 +4,8 @@
 
 #include <gsh/core/error.hpp>
 #include <gsh/core/message.hpp>
-#include <gsh/io/file/foreign_file.hpp>
 #include <gsh/io/file/folder_entries.hpp>
+#include <gsh/io/file/foreign_file.hpp>
 #include <gsh/io/file/gzip.hpp>
 #include <gsh/io/file/input_file.hpp>
 #include <gsh/io/file/named_path.hpp>
@@ -80,7 +80,7 @@ inline void MakeHumanFiles::find_root_in_folder(const std::filesystem::path& pat
         if (has(mesh_name)) return;
     }
     const std::string hint =
-        std::filesystem::exists(path / "makehuman/data") ? "; MakeHuman's own rigs have another format" : "";
+        InputFile(path / "makehuman/data").is_folder() ? "; MakeHuman's own rigs have another format" : "";
     throw IoError(path.string() + ": holds no " + mesh_name + hint + "; " + std::string(detail::makehuman_way_out));
 }
 

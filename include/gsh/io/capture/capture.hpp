@@ -13,6 +13,8 @@
 #include <gsh/io/capture/capture_images.hpp>
 #include <gsh/io/capture/capture_photos.hpp>
 #include <gsh/io/file/folder_list.hpp>
+#include <gsh/io/file/full_path.hpp>
+#include <gsh/io/file/input_file.hpp>
 #include <gsh/io/image/image_file.hpp>
 #include <gsh/io/image/mask_file.hpp>
 #include <gsh/io/motion/any_motion.hpp>
@@ -99,7 +101,7 @@ Capture load_capture(E& executor, const std::filesystem::path& folder, const Bod
     if (std::error_code ignored; !std::filesystem::is_directory(folder, ignored))
         throw IoError(folder.string() + ": is not a folder, expected one with cameras.json, poses.npz and images/");
     Capture capture;
-    capture.name = std::filesystem::weakly_canonical(folder).filename().string();
+    capture.name = full_path(folder).filename().string();
     CameraList list = read_cameras(folder / "cameras.json");
     capture.cameras = std::move(list.cameras);
     capture.test_frames = std::move(list.test_frames);
@@ -112,7 +114,7 @@ Capture load_capture(E& executor, const std::filesystem::path& folder, const Bod
     motion_options.input_fps = options.input_fps;
     capture.motion = load_any_motion(poses, body, motion_options, warnings);
     const std::size_t frames = capture.frame_count();
-    const bool masked = std::filesystem::is_directory(folder / "masks");
+    const bool masked = InputFile(folder / "masks").is_folder();
     const detail::PhotoFiles files =
         detail::list_photos(folder, capture.cameras, masked, frames, "one per pose of " + poses.string());
 
@@ -124,7 +126,7 @@ Capture load_capture(E& executor, const std::filesystem::path& folder, const Bod
 
     const std::vector<NamedCamera> distorted = capture.cameras;
     detail::load_photos(executor, files, 1, options, folder, capture, warnings);
-    if (std::filesystem::is_directory(folder / "backgrounds"))
+    if (InputFile(folder / "backgrounds").is_folder())
         for (const NamedCamera& camera : distorted) {
             const auto path = detail::image_path(folder / "backgrounds", camera.name);
             PixelImage image = detail::read_camera_image(path, camera).image;
@@ -136,7 +138,7 @@ Capture load_capture(E& executor, const std::filesystem::path& folder, const Bod
             }
             capture.backgrounds.push_back(std::move(image));
         }
-    if (std::filesystem::is_directory(folder / "hidden")) detail::load_hidden(executor, folder, distorted, capture);
+    if (InputFile(folder / "hidden").is_folder()) detail::load_hidden(executor, folder, distorted, capture);
     detail::finish_capture(capture, body, options, folder, warnings);
     return capture;
 }

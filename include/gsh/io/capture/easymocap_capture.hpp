@@ -12,6 +12,7 @@
 #include <gsh/io/capture/capture_images.hpp>
 #include <gsh/io/capture/capture_photos.hpp>
 #include <gsh/io/capture/easymocap_cameras.hpp>
+#include <gsh/io/file/full_path.hpp>
 #include <gsh/io/image/image_file.hpp>
 #include <gsh/io/motion/any_motion.hpp>
 #include <gsh/io/motion/easymocap_file.hpp>
@@ -90,7 +91,7 @@ Capture load_easymocap_capture(E& executor, const std::filesystem::path& folder,
                                const CaptureOptions& options, std::vector<std::string>* warnings) {
     std::error_code ignored;
     Capture capture;
-    capture.name = std::filesystem::weakly_canonical(folder).filename().string();
+    capture.name = full_path(folder).filename().string();
     capture.cameras = read_easymocap_cameras(folder).cameras;
     const auto poses = detail::easymocap_poses(folder, options.poses);
     MotionFileOptions motion_options{options.hands, 30};

@@ -13,6 +13,7 @@
 #include <gsh/io/capture/capture_photos.hpp>
 #include <gsh/io/capture/named_camera.hpp>
 #include <gsh/io/file/folder_list.hpp>
+#include <gsh/io/file/full_path.hpp>
 #include <gsh/io/file/input_file.hpp>
 #include <gsh/io/file/number_lines.hpp>
 #include <gsh/io/image/image_file.hpp>
@@ -184,7 +185,7 @@ GalaScene load_gala_scene(E& executor, const std::filesystem::path& folder, cons
                           const CaptureOptions& options, std::vector<std::string>* warnings) {
     GalaScene scene;
     Capture& capture = scene.capture;
-    const auto place = std::filesystem::weakly_canonical(folder);
+    const auto place = full_path(folder);
     capture.name = place.filename().string();
     const auto model = options.model.empty() ? place.parent_path() / "model" : options.model;
     if (std::error_code ignored; !std::filesystem::exists(model / "mesh.txt", ignored))

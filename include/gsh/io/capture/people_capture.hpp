@@ -13,6 +13,7 @@
 #include <gsh/io/capture/capture.hpp>
 #include <gsh/io/capture/capture_person.hpp>
 #include <gsh/io/file/folder_list.hpp>
+#include <gsh/io/file/full_path.hpp>
 #include <gsh/io/image/image_file.hpp>
 #include <gsh/io/motion/any_motion.hpp>
 
@@ -121,8 +122,8 @@ inline std::vector<std::string> person_names(const std::vector<std::filesystem::
     std::vector<std::string> names;
     for (std::size_t i = 0; i < poses.size(); ++i) {
         for (std::size_t k = 0; k < i; ++k)
-            check_value(std::filesystem::weakly_canonical(poses[k]) != std::filesystem::weakly_canonical(poses[i]),
-                        poses[i].string(), "is named twice; each person needs a pose file of their own");
+            check_value(full_path(poses[k]) != full_path(poses[i]), poses[i].string(),
+                        "is named twice; each person needs a pose file of their own");
         const auto path = poses[i].has_filename() ? poses[i] : poses[i].parent_path(); // "folder/"
         std::error_code ignored;
         const bool folder = std::filesystem::is_directory(path, ignored);

@@ -13,6 +13,7 @@
 #include <gsh/io/capture/capture_photos.hpp>
 #include <gsh/io/capture/frame_files.hpp>
 #include <gsh/io/file/folder_list.hpp>
+#include <gsh/io/file/full_path.hpp>
 #include <gsh/io/file/input_file.hpp>
 #include <gsh/io/file/json_file.hpp>
 #include <gsh/io/file/npy.hpp>
@@ -187,7 +188,7 @@ Capture load_people_snapshot(E& executor, const std::filesystem::path& folder, c
     };
     std::error_code ignored;
     Capture capture;
-    capture.name = std::filesystem::weakly_canonical(folder).filename().string();
+    capture.name = full_path(folder).filename().string();
     NamedCamera named;
     named.name = "camera";
     named.camera = detail::read_snapshot_camera(folder / "cameras.npz");

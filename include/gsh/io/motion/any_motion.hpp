@@ -10,6 +10,7 @@
 #include <gsh/core/error.hpp>
 #include <gsh/io/file/folder_list.hpp>
 #include <gsh/io/file/foreign_file.hpp>
+#include <gsh/io/file/full_path.hpp>
 #include <gsh/io/file/input_file.hpp>
 #include <gsh/io/file/json_file.hpp>
 #include <gsh/io/file/npz.hpp>
@@ -188,8 +189,7 @@ inline Motion load_any_motion(const InputFile& input, const BodyModel& body, con
     case MotionLayout::npz_frames:
         return load_npz_frames(input.path(), body, options, warnings);
     case MotionLayout::gala: {
-        const GalaRig rig =
-            load_gala_rig(std::filesystem::weakly_canonical(input.path()).parent_path() / "model", warnings);
+        const GalaRig rig = load_gala_rig(full_path(input.path()).parent_path() / "model", warnings);
         check_size(input.name(), "joints of a pose", rig.body.joint_count(), body.joint_count(),
                    "the motion is for GalaBasketball's own body");
         std::vector<int> frames;
