@@ -209,8 +209,12 @@ public:
     ssize_t write(const char* data, std::size_t size) override {
         // The answer is there, and how fast it is read is the client's matter. Before the body's end, it is "100 Continue".
         if (left_ == 0) finish();
-        if (!wait_for(socket_, POLLOUT, Clock::now() + limits_.pause)) return -1;
-        return ::send(socket_, data, size, MSG_NOSIGNAL | MSG_DONTWAIT);
+        const auto deadline = Clock::now() + limits_.pause;
+        while (wait_for(socket_, POLLOUT, deadline)) {
+            const ssize_t count = ::send(socket_, data, size, MSG_NOSIGNAL | MSG_DONTWAIT);
+            if (count >= 0 || (errno != EAGAIN && errno != EINTR)) return count;
+        }
+        return -1;
     }
     void get_remote_ip_and_port(std::string& ip, int& port) const override {
         sockaddr_storage address{};

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <httplib.h>
+#include <sys/socket.h>
 
 #include <atomic>
 #include <chrono>
@@ -103,6 +104,10 @@ class GuardedServer : public httplib::Server {
 public:
     /// `key` must outlive this object.
     GuardedServer(std::string_view key, ConnectionLimits limits);
+
+    /// Lets as many connections wait to be accepted as there may be guests. For a server that is bound. httplib lets 5
+    /// wait, and the system drops the first packet of further ones, which then takes a second or more.
+    void lengthen_queue() { ::listen(svr_sock_, static_cast<int>(limits_.guests)); }
 
     /// Ends connections that wait for a request. Those that are answered end afterwards.
     void stop_waiting();

@@ -169,6 +169,7 @@ public:
         if (port_ < 0)
             throw IoError(options.host + ":" + std::to_string(options.port) +
                           " cannot be bound; the address is not of this machine, or the port is in use (--port)");
+        server_.lengthen_queue();
     }
 
     void run(const std::atomic<bool>& stop) {

@@ -101,6 +101,7 @@ public:
         });
         port_ = server_.bind_to_any_port("127.0.0.1");
         REQUIRE(port_ > 0);
+        server_.lengthen_queue();
         thread_ = std::thread([this] { server_.listen_after_bind(); });
         while (!server_.is_running()) std::this_thread::sleep_for(1ms);
     }
@@ -308,4 +309,14 @@ TEST_CASE("gsh-view: few large bodies are held at one time, and small ones do no
         CHECK(first.receive(answer).ends_with(answer));
         CHECK(second.receive(answer).ends_with(answer));
     }
+}
+
+TEST_CASE("gsh-view: many pages that are opened at once are answered without a second try of the system") {
+    Running server;
+    const double seconds = seconds_of([&] {
+        std::deque<RawClient> pages;
+        for (int i = 0; i < 60; ++i) pages.emplace_back(server.port(), get("/a"));
+        for (RawClient& page : pages) CHECK(page.receive("got /a\n").ends_with("got /a\n"));
+    });
+    CHECK(seconds < 0.9);
 }
