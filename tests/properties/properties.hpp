@@ -49,7 +49,13 @@ inline void check_property(const std::function<void()>& holds) {
     const rc::detail::TestResult result =
         rc::detail::checkProperty(rc::detail::toProperty(holds), {}, params, listener, {});
     std::ostringstream text;
-    rc::detail::printResultMessage(result, text);
+    if (result.is<rc::detail::FailureResult>()) { // the picks on one line
+        const auto& failure = result.get<rc::detail::FailureResult>();
+        text << "case " << failure.numSuccess + 1 << ": " << failure.description << "\nits picks, made small:";
+        for (const auto& [type, pick] : failure.counterExample) text << ' ' << pick;
+    } else {
+        rc::detail::printResultMessage(result, text);
+    }
     text << "\nto repeat it: RC_PARAMS=\"seed=" << params.seed << " max_success=" << params.maxSuccess << "\"";
     CHECK_MESSAGE(result.is<rc::detail::SuccessResult>(), text.str());
 }
@@ -126,13 +132,12 @@ template <class T>
     }
 }
 
-/// A list of at most `most` values, each made by `make`; it is short in the first cases.
+/// A list of at most `most` values, each made by `make`; it is short in the first cases. A failing case loses values from
+/// anywhere in the list.
 template <class Make>
-[[nodiscard]] auto list_of(std::size_t most, const Make& make) {
+[[nodiscard]] auto list_of(int most, const Make& make) {
     using Value = decltype(make());
-    std::vector<Value> values(up_to(most));
-    for (Value& value : values) value = make();
-    return values;
+    return *rc::gen::scale(most / 100.0, rc::gen::container<std::vector<Value>>(rc::gen::exec(make)));
 }
 
 } // namespace gsh::test

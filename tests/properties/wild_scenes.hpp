@@ -97,6 +97,32 @@ struct WildScene {
     }
 };
 
+/// The numbers of a scene, for messages.
+template <class T>
+[[nodiscard]] std::string text_of(const WildScene<T>& scene) {
+    std::string text = "camera";
+    const auto add = [&](const char* name, const auto&... numbers) {
+        text += std::string(" ") + name;
+        ((text += " " + digits(double(numbers))), ...);
+    };
+    const auto add_vec = [&](const char* name, const vec3<T>& v) { add(name, v.x, v.y, v.z); };
+    const Camera<T>& c = scene.camera;
+    add("dilation", scene.params.dilation, scene.params.compensate_opacity), add_vec("background", scene.background);
+    add("size", c.width, c.height), add("f", c.fx, c.fy), add("c", c.cx, c.cy), add_vec("t", c.t);
+    for (int k = 0; k < 3; ++k) add_vec("R", c.R[k]);
+    for (std::size_t i = 0; i < scene.size(); ++i) {
+        text += "\nsplat, depth " + digits(scene.depth(i));
+        add_vec("mean", scene.means[i]), add("opacity", scene.opacities[i]), add_vec("color", scene.colors[i]);
+        if (!scene.factors.empty())
+            for (int k = 0; k < 3; ++k) add_vec("F", scene.factors[i][k]);
+        else {
+            const sym3<T>& s = scene.covariances[i];
+            add("covariance", s.xx, s.xy, s.xz, s.yy, s.yz, s.zz);
+        }
+    }
+    return text;
+}
+
 /// A camera with a picture of 1 x 1 to 40 x 40 pixels, odd sizes included.
 [[nodiscard]] inline Camera<double> wild_camera() {
     Camera<double> camera;
@@ -143,11 +169,11 @@ inline void separate_depths(std::vector<WildSplat>& splats, double near_plane) {
     return scene;
 }
 
-/// A scene of up to 24 splats. Without jumps, splats have factors: where a covariance is far longer than it is thin,
+/// A scene of up to 60 splats. Without jumps, splats have factors: where a covariance is far longer than it is thin,
 /// its numbers do not hold the thin axis, and the picture is that of the rounding.
-[[nodiscard]] inline WildScene<double> wild_scene(Wildness wildness, std::size_t most = 24) {
+[[nodiscard]] inline WildScene<double> wild_scene(Wildness wildness, int most = 60) {
     const Camera<double> camera = wild_camera();
-    std::vector<WildSplat> splats = list_of(most, [&] { return wild_splat(wildness); });
+    std::vector<WildSplat> splats = list_of(most, [wildness] { return wild_splat(wildness); });
     RasterParams<double> params;
     params.compensate_opacity = rarely(3);
     if (rarely(3)) params.dilation = one_of({0.0, 0.1, 2.0});
