@@ -46,8 +46,8 @@ TEST_CASE("a splat without opacity changes neither the picture nor the gradients
         const WildPicture<float> weights = wild_weights(scene.camera);
         const auto check = [&](auto& backend) {
             WildGradient<float> g, other;
-            const auto before = draw_wild(backend, scene, &weights, &g);
-            const auto after = draw_wild(backend, more, &weights, &other);
+            const auto before = draw_wild(backend, scene, weights, g);
+            const auto after = draw_wild(backend, more, weights, other);
             require_equal(after.numbers(), before.numbers(), "the picture");
             for (std::size_t i = 0; i < scene.size(); ++i)
                 require_equal_gradient(other.splats, i + (i >= at), g.splats, i);
@@ -87,8 +87,8 @@ TEST_CASE("the order of splats changes nothing, as long as those of equal depth 
         const WildPicture<float> weights = wild_weights(scene.camera);
         const auto check = [&](auto& backend) {
             WildGradient<float> g, permuted;
-            const auto before = draw_wild(backend, scene, &weights, &g);
-            const auto after = draw_wild(backend, other, &weights, &permuted);
+            const auto before = draw_wild(backend, scene, weights, g);
+            const auto after = draw_wild(backend, other, weights, permuted);
             require_equal(after.numbers(), before.numbers(), "the picture");
             for (std::size_t k = 0; k < n; ++k) require_equal_gradient(permuted.splats, k, g.splats, order[k]);
         };
@@ -101,8 +101,8 @@ TEST_CASE("pictures and gradients are finite, alpha lies in [0, 1], and threads 
         const WildScene<float> scene = in_float(wild_scene(Wildness::everything));
         const WildPicture<float> weights = wild_weights(scene.camera);
         WildGradient<float> g, threaded;
-        const auto picture = draw_wild(one_thread(), scene, &weights, &g);
-        const auto other = draw_wild(three_threads(), scene, &weights, &threaded);
+        const auto picture = draw_wild(one_thread(), scene, weights, g);
+        const auto other = draw_wild(three_threads(), scene, weights, threaded);
         require_equal(other.numbers(), picture.numbers(), "the picture of three threads");
         for (std::size_t i = 0; i < scene.size(); ++i) require_equal_gradient(threaded.splats, i, g.splats, i);
         require(std::memcmp(&g.camera, &threaded.camera, sizeof g.camera) == 0 && g.background == threaded.background,
@@ -163,8 +163,8 @@ TEST_CASE("the gradient of a scaled loss is scaled") {
         for (auto* image : {&scaled.color, &scaled.alpha, &scaled.expected_depth, &scaled.median_depth})
             for (float& w : image->data) w *= factor;
         WildGradient<float> g, other;
-        (void)draw_wild(one_thread(), scene, &weights, &g);
-        (void)draw_wild(one_thread(), scene, &scaled, &other);
+        (void)draw_wild(one_thread(), scene, weights, g);
+        (void)draw_wild(one_thread(), scene, scaled, other);
         const auto check = [&](float found, float one, const char* what, std::size_t i) {
             const float expected = factor * one;
             // Below the smallest normal number, digits are lost.
@@ -195,7 +195,7 @@ TEST_CASE("the gradient of the background is the light that shines through") {
         WildPicture<float> weights(scene.camera);
         std::ranges::fill(weights.color.data, 1.0f);
         WildGradient<float> g;
-        const auto picture = draw_wild(three_threads(), scene, &weights, &g);
+        const auto picture = draw_wild(three_threads(), scene, weights, g);
         double through = 0;
         for (const float a : picture.alpha.data) through += 1 - double(a);
         for (int c = 0; c < 3; ++c)

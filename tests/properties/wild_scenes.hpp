@@ -15,11 +15,8 @@
 #include <gsh/render/rasterizer.hpp>
 
 #include <algorithm>
-#include <bit>
 #include <cmath>
-#include <concepts>
 #include <cstddef>
-#include <cstdint>
 #include <cstring>
 #include <string>
 #include <vector>
@@ -238,9 +235,8 @@ template <class T>
 template <class T>
 struct WildGradient {
     WildScene<T> splats;
-    CameraGradient<T> camera;
+    CameraGradient<T> camera = {};
     vec3<T> background = vec3<T>(T(0));
-    std::vector<T> background_image;
 };
 
 [[nodiscard]] inline cpu::Serial& one_thread() {
@@ -252,22 +248,30 @@ struct WildGradient {
     return backend;
 }
 
-/// The picture of a scene, and the gradient of the loss with the given weights if they are given.
 template <class B, class T>
-[[nodiscard]] WildPicture<T> draw_wild(B& backend, const WildScene<T>& scene, const WildPicture<T>* weights = nullptr,
-                                       WildGradient<T>* gradient = nullptr) {
+[[nodiscard]] WildPicture<T> draw_wild(B& backend, const WildScene<T>& scene, typename Rasterizer<B, T>::Cache& cache) {
     const Rasterizer<B, T> rasterizer(backend, scene.params);
-    typename Rasterizer<B, T>::Cache cache;
     WildPicture<T> picture(scene.camera);
-    const Background<T> background{scene.background};
-    rasterizer.forward(scene.camera, scene.view(), background, picture.target(), cache);
-    if (gradient) {
-        gradient->splats = scene.zeros();
-        gradient->camera = {}, gradient->background = vec3<T>(T(0));
-        rasterizer.backward(scene.camera, scene.view(), background, weights->gradient(), cache, gradient->splats.view(),
-                            Span<CameraGradient<T>>(&gradient->camera, 1),
-                            {.color = Span<vec3<T>>(&gradient->background, 1)});
-    }
+    rasterizer.forward(scene.camera, scene.view(), Background<T>{scene.background}, picture.target(), cache);
+    return picture;
+}
+template <class B, class T>
+[[nodiscard]] WildPicture<T> draw_wild(B& backend, const WildScene<T>& scene) {
+    typename Rasterizer<B, T>::Cache cache;
+    return draw_wild(backend, scene, cache);
+}
+
+/// The picture of a scene, and the gradient of the loss with the given weights.
+template <class B, class T>
+[[nodiscard]] WildPicture<T> draw_wild(B& backend, const WildScene<T>& scene, const WildPicture<T>& weights,
+                                       WildGradient<T>& gradient) {
+    typename Rasterizer<B, T>::Cache cache;
+    const WildPicture<T> picture = draw_wild(backend, scene, cache);
+    const Rasterizer<B, T> rasterizer(backend, scene.params);
+    gradient = {.splats = scene.zeros()};
+    rasterizer.backward(scene.camera, scene.view(), Background<T>{scene.background}, weights.gradient(), cache,
+                        gradient.splats.view(), Span<CameraGradient<T>>(&gradient.camera, 1),
+                        {.color = Span<vec3<T>>(&gradient.background, 1)});
     return picture;
 }
 
