@@ -21,8 +21,8 @@ namespace gsh::test {
 /// A new directory. The destructor removes it.
 class Temporary {
 public:
-    Temporary() {
-        std::string name = (std::filesystem::temp_directory_path() / "gsh-test-XXXXXX").string();
+    explicit Temporary(const std::filesystem::path& parent = std::filesystem::temp_directory_path()) {
+        std::string name = (parent / "gsh-test-XXXXXX").string();
         REQUIRE(mkdtemp(name.data()) != nullptr);
         path_ = name;
     }

@@ -77,6 +77,9 @@ struct QuatForm {
 /// (M = 0, or two eigenvalues of S sum to zero, as in the even blend of opposite rotations), R is one of them. The
 /// exact adjoint is unbounded there; the one computed here is bounded.
 ///
+/// Near such a case, the iteration may end at another rotation: if the two smaller eigenvalues of S sum to less than
+/// 0.03 of the largest. tr(Rᵀ M) is then up to 0.02 of the largest eigenvalue below its maximum.
+///
 /// Units   any: R does not depend on M's scale, and dL_dM is orthogonal to M.
 /// Source  the 4x4 form: Davenport, 1968; for M = Σ w_i R_i, N + 1 is 4 Σ w_i q_i q_iᵀ, the matrix of Markley et al.,
 ///         "Averaging Quaternions", 2007. Squarings and Newton steps are our own.

@@ -169,6 +169,20 @@ TEST_CASE("an avatar comes back from its file as it was, and poses the same") {
     std::filesystem::remove(path);
 }
 
+TEST_CASE("an avatar without Gaussians comes back, too") {
+    const auto path = temporary("empty.gsh");
+    const BodyModel body = test::tube(2, 3, 4);
+    AvatarData avatar{
+        make_rig(body, {},
+                 sample_surface(body, shaped_vertices(body, {}), std::vector<double>(body.vertex_count(), 0.0), 3)),
+        GaussianCloud<float>(0, 1)};
+    for (const ArrayStorage storage : {ArrayStorage::sparse, ArrayStorage::compact}) {
+        save_avatar(path, avatar, storage);
+        CHECK(load_avatar(path).gaussians.size() == 0);
+    }
+    std::filesystem::remove(path);
+}
+
 TEST_CASE("shadows that follow the pose come back from a file and fall on a new motion as in training") {
     for (const int hidden_layers : {1, 2}) {
         CAPTURE(hidden_layers);

@@ -78,6 +78,15 @@ TEST_CASE("nothing is guessed about files that gsh wrote") {
               doctest::Approx(length(rig.rest_joints[1] - rig.rest_joints[0])));
         CHECK(length(back.joints[0] - rig.joints[0]) < 1e-6);
     }
+    // On the belly in every frame, the hips a metre from the origin: z seems to be up, and nothing contradicts it.
+    Motion lying = wild_motion(2);
+    for (std::size_t t = 0; t < 2; ++t) {
+        for (std::size_t j = 0; j < 55; ++j) lying.pose[55 * t + j] = {j == 0 ? 1.5707963267948966 : 0, 0, 0};
+        lying.transl[t] = {0, 0, 1};
+    }
+    const RigMotion rig = rig_of_motion(test::skeleton_body(), lying);
+    save_bvh(folder / "c.bvh", rig);
+    CHECK(length(load_bvh(folder / "c.bvh", {}, &warnings).joints[0] - rig.joints[0]) < 1e-6);
     CHECK(warnings.empty());
     const std::string text = read_file(folder / "a.bvh");
     CHECK(is_saved_bvh(text));

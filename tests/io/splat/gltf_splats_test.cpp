@@ -49,6 +49,18 @@ TEST_CASE("clouds of degrees 0 to 3 come back from .glb") {
     CHECK_THROWS_AS(write_gltf_splats(folder / "a.glb", test::splat_cloud(0, 1)), ValueError);
 }
 
+TEST_CASE("opacities come back however near they are to 0 and 1") {
+    const test::Temporary folder;
+    auto cloud = test::splat_cloud(4, 0);
+    cloud.opacity_logits = {-18, 15, -200, 200};
+    write_gltf_splats(folder / "a.glb", cloud);
+    const auto found = read_gltf_splats(folder / "a.glb").cloud.opacity_logits;
+    CHECK(found[0] == doctest::Approx(-18).epsilon(1e-5));
+    CHECK(found[1] == doctest::Approx(15).epsilon(0.02)); // a float holds 1 - 3e-7 roughly
+    CHECK(found[2] == -certain_logit);
+    CHECK(found[3] == certain_logit);
+}
+
 TEST_CASE("the document is what the extension asks for") {
     const test::Temporary folder;
     write_gltf_splats(folder / "a.glb", test::splat_cloud(7, 1));

@@ -227,7 +227,8 @@ inline void check_avatar(const std::string& where, const AvatarData& avatar) {
     check_coordinates(where, "barycentric", rig.barycentric);
     check_magnitude(where, "betas", rig.betas);
     check_finite<double>(where, "skin_weights", rig.skin.weights);
-    check_value(rig.skin.influences >= 1, where, "skin_joints has no columns, expected at least one joint a Gaussian");
+    check_value(rig.skin.influences >= 1 || rig.point_count() == 0, where,
+                "skin_joints has no columns, expected at least one joint a Gaussian");
     for (std::size_t i = 0; i < rig.point_count(); ++i) {
         double sum = 0, least = 0;
         for (std::size_t k = 0; k < rig.skin.influences; ++k) {

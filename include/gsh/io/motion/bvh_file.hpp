@@ -289,7 +289,7 @@ inline RigMotion load_bvh(const InputFile& input, const JointMap& map, std::vect
     };
     if (reader.is_own() && unit.metres != 1) { // with legs of 0.3 to 3, another program wrote it, in metres
         unit.metres = 0.01;
-        if (!up.doubt.empty()) up = {};
+        up = {}; // also where a person lies, or stands on the hands, so that another axis seems to point up
     } else if (unit.leg > 0) {
         warn(detail::unit_warning(unit));
     }

@@ -46,7 +46,8 @@ namespace gsh {
 ///           key frames that are even.
 /// Frame     y up, as in glTF. A body that stands on a ground along another axis (find_up) is turned. Scales of nodes
 ///           count, for instance an armature scaled by 0.01.
-/// Units     metres; other units are guessed from the legs, with a warning.
+/// Units     metres; other units are guessed from the legs, with a warning. Of files that gsh wrote, neither unit nor
+///           vertical is guessed.
 /// Errors    IoError, ValueError naming file and place: no animation, an index out of range, a tree with a cycle, times
 ///           that do not ascend, a buffer that is short, a mirrored joint, an animation without nodes.
 [[nodiscard]] inline RigMotion load_gltf_motion(const InputFile& input, const JointMap& map = {},
@@ -89,6 +90,8 @@ public:
         if (!joints_.has_humanoid()) rest_of_skin(map);
         return std::move(rig_);
     }
+    /// Whether gsh wrote the file.
+    [[nodiscard]] bool is_own() const { return file_.model().asset.generator.starts_with("gsh "); }
 
 private:
     using Channels = GltfNodes::Channels;
@@ -229,11 +232,13 @@ private:
 
 inline RigMotion load_gltf_motion(const InputFile& input, const JointMap& map, std::vector<std::string>* warnings,
                                   const std::string& animation, const FrameRates& rates) {
-    RigMotion rig = detail::GltfMotionReader(input).read(map, warnings, animation, rates);
+    detail::GltfMotionReader reader(input);
+    RigMotion rig = reader.read(map, warnings, animation, rates);
     const MatchedJoints matched = map.match(rig, input.name());
-    const LengthUnit unit = guess_length_unit(rig, matched);
+    LengthUnit unit = guess_length_unit(rig, matched);
     RigUp up = find_up(rig, matched, false); // a skin may be bound in axes of its own
     if (!up.doubt.empty()) up = {};          // glTF demands y up
+    if (reader.is_own()) up = {}, unit.metres = 1; // also where a person lies, and where a doll's legs are short
     const auto warn = [&](const std::string& text) {
         if (warnings && !text.empty()) warnings->push_back(input.name() + ": " + text);
     };

@@ -107,7 +107,7 @@ struct GltfSplatTraits {
         check(dot(cloud.quats[i], cloud.quats[i]) > 0, "a rotation of length 0");
         cloud.log_scales[i] = {scales[3 * i], scales[3 * i + 1], scales[3 * i + 2]};
         check(opacities[i] >= 0 && opacities[i] <= 1, "an opacity that is not within 0 to 1");
-        cloud.opacity_logits[i] = logit(std::clamp(opacities[i], 1e-6f, 1 - 1e-6f));
+        cloud.opacity_logits[i] = std::clamp(float(logit(double(opacities[i]))), -certain_logit, certain_logit);
     }
     const auto basis = static_cast<std::size_t>(sh_basis_count(degree));
     std::size_t k = 0;
