@@ -245,8 +245,10 @@ TEST_CASE("a field that does not fit is refused by name") {
         CHECK(message(changed(change)) == test::contains(word));
     };
     CHECK(message(random_field(10, J)).empty());
-    names("width", [](auto& d) { d.width = 0; });
-    names("hidden_layers", [](auto& d) { d.hidden_layers = 0; });
+    names("field's width is 0, expected 1 to 4096", [](auto& d) { d.width = 0; });
+    names("field's width is 4097, expected 1 to 4096", [](auto& d) { d.width = 4097; });
+    names("field's hidden_layers is 0, expected 1 to 64", [](auto& d) { d.hidden_layers = 0; });
+    names("field's hidden_layers is 65, expected 1 to 64", [](auto& d) { d.hidden_layers = 65; });
     names("neurons", [](auto& d) { d.neurons.pop_back(); });
     names("pose_weights", [](auto& d) { d.pose_weights.push_back(0); });
     names("weights", [](auto& d) { d.weights.pop_back(); });

@@ -24,3 +24,21 @@ TEST_CASE("an exponential schedule falls by equal factors and then stays") {
     CHECK(schedule.rate(13) == 1e-4);
     CHECK(schedule.rate(1000) == 1e-4);
 }
+
+TEST_CASE("what is not said about a schedule: no learning, at a constant rate, from the first step on") {
+    CHECK(Schedule{}.rate(0) == 0);
+    CHECK(Schedule{}.update_number(0) == 1);
+    const Schedule without_steps{.initial = 0.5, .final = 0.1};
+    CHECK(without_steps.rate(0) == 0.5);
+    CHECK(without_steps.rate(1) == 0.5);
+    CHECK(Schedule::constant(0.5).rate(0) == 0.5);
+    CHECK(Schedule::constant(0.5).decay_steps == 0);
+    CHECK(Schedule::exponential(0.5, 0.1, 10).rate(0) == 0.5);
+}
+
+TEST_CASE("a schedule to or from a rate of zero stays where it begins") {
+    CHECK(Schedule::exponential(0.5, 0, 10).rate(5) == 0.5);
+    CHECK(Schedule::exponential(0, 0.5, 10).rate(5) == 0);
+    CHECK(Schedule::exponential(0.5, 0, 10).rate(10) == 0.5);
+    CHECK(Schedule::exponential(0, 0.5, 10).rate(10) == 0);
+}

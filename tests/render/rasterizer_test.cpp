@@ -19,7 +19,9 @@
 #include <cstring>
 #include <limits>
 #include <numeric>
+#include <set>
 #include <string>
+#include <utility>
 
 using namespace gsh;
 
@@ -186,6 +188,42 @@ TEST_CASE("in double the rasterizer is the plain reference to 1e-9") {
         params.dilation = 0.05, params.near_plane = 2.1, params.jacobian_margin = 0;
         check_against_reference(make_scene(rng, 300, 50, 50, 0.05), params);
     }
+}
+
+TEST_CASE("the lists of tiles hold little more than the tiles in which a splat passes the cut") {
+    test::Rng rng(27);
+    Serial backend;
+    const auto check = [&](Scene<double> scene, const std::string& name) {
+        for (auto& covariance : scene.covariances) { // slanted, three times as long as wide
+            mat3<double> axes = rotation_matrix(normalize(rng.quat()));
+            axes[0] *= 0.09, axes[1] *= 0.03, axes[2] *= 0.03;
+            covariance = gram(axes);
+        }
+        Rasterizer<Serial, double>::Cache cache;
+        Rendering<double> out(scene.camera);
+        Rasterizer<Serial, double>(backend, {})
+            .forward(scene.camera, scene.view(), {scene.background, {}}, out.target(), cache);
+        const test::ReferenceOptions options;
+        std::size_t pairs = 0;
+        for (std::size_t i = 0; i < scene.size(); ++i) {
+            test::ReferenceSplat splat;
+            if (!test::reference_project(scene.camera, scene.view(), i, options, splat)) continue;
+            std::set<std::pair<int, int>> tiles;
+            for (int y = 0; y < scene.camera.height; ++y)
+                for (int x = 0; x < scene.camera.width; ++x) {
+                    const double dx = x + 0.5 - splat.px, dy = y + 0.5 - splat.py;
+                    const double q = splat.conic_a * dx * dx + 2 * splat.conic_b * dx * dy + splat.conic_c * dy * dy;
+                    if (splat.opacity * std::exp(-0.5 * q) >= options.alpha_min) tiles.insert({x / 16, y / 16});
+                }
+            pairs += tiles.size();
+        }
+        INFO(name << ": " << cache.status[0].pairs << " pairs, of which " << pairs << " have a pixel");
+        CHECK(pairs > 300);
+        CHECK(cache.status[0].pairs >= pairs); // in the other test, a tile that is missing shows in the picture
+        CHECK(static_cast<double>(cache.status[0].pairs) < 1.05 * static_cast<double>(pairs));
+    };
+    check(make_scene(rng, 60, 150, 120, 0.1), "covers with a mask");
+    check(make_scene(rng, 12, 500, 400, 0.1), "larger ones");
 }
 
 TEST_CASE("in float it is the reference to 1e-3 but where a decision hangs by a thread") {
@@ -397,6 +435,37 @@ TEST_CASE("with gradient_transmittance_min, a pixel passes the exact gradient to
     const auto all = gradients(0, weights);
     CHECK(all[n - 1][9] != 0);
     CHECK(found[n - 1] == std::vector<double>(13, 0.0));
+}
+
+TEST_CASE("a gradient_transmittance_min of 1 leaves the gradient to what nothing stands before") {
+    using R = Rasterizer<Serial, double>;
+    Serial backend;
+    test::Rng rng(8);
+    Scene<double> scene;
+    scene.camera = make_camera(8, 8);
+    scene.camera.R = mat3<double>(1.0), scene.camera.t = vec3<double>(0);
+    scene.add(vec3<double>(0, 0, 2), ball(1), 0.5, vec3<double>(0.3, 0.6, 0.7));
+    const Rendering<double> weights = random_weights(rng, scene.camera);
+    const auto gradients = [&](double limit) {
+        RasterParams<double> params;
+        params.gradient_transmittance_min = limit;
+        const R rasterizer(backend, params);
+        R::Cache cache;
+        Rendering<double> out(scene.camera);
+        rasterizer.forward(scene.camera, scene.view(), {scene.background}, out.target(), cache);
+        Scene<double> dL = scene.zeros();
+        rasterizer.backward(scene.camera, scene.view(), {scene.background}, weights.gradient(), cache,
+                            dL.gradient_view());
+        return dL;
+    };
+    const Scene<double> alone = gradients(0), alone_at_1 = gradients(1);
+    CHECK(alone.opacities[0] != 0);
+    CHECK(alone_at_1.opacities == alone.opacities);
+    CHECK(alone_at_1.colors == alone.colors);
+    CHECK(alone_at_1.means == alone.means);
+    scene.add(vec3<double>(0, 0, 3), ball(0.5), 0.5, vec3<double>(0.9, 0.1, 0.2)); // behind it
+    CHECK(gradients(0).opacities[1] != 0);
+    CHECK(gradients(1).opacities[1] == 0);
 }
 
 TEST_CASE("depth: equal depths keep the order of their index") {
