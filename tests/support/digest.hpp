@@ -51,13 +51,21 @@ private:
     void all(const Values&... values) {
         (add(values), ...);
     }
+    /// A number, or a vector or matrix of GLM.
+    template <class T>
+    static constexpr bool is_numeric = std::is_arithmetic_v<T> || requires { typename T::length_type; };
+
     template <class T>
     void add(const T& value) {
         if constexpr (std::is_same_v<T, std::filesystem::path>) {
             add(value.string());
         } else if constexpr (std::ranges::range<T>) {
             bytes_ += std::to_string(std::ranges::distance(value)) + ":";
-            for (const auto& element : value) add(element);
+            if constexpr (std::ranges::contiguous_range<T> && is_numeric<std::ranges::range_value_t<T>>)
+                bytes_.append(reinterpret_cast<const char*>(std::ranges::data(value)),
+                              std::ranges::size(value) * sizeof(std::ranges::range_value_t<T>)); // one by one is slow
+            else
+                for (const auto& element : value) add(element);
         } else {
             static_assert(std::is_trivially_copyable_v<T>);
             bytes_.append(reinterpret_cast<const char*>(&value), sizeof value);
