@@ -47,6 +47,19 @@ Rendering<T> render(B& backend, const Scene<T>& scene, const RasterParams<T>& pa
     return out;
 }
 
+/// The gradients of a scene with respect to all of its splats, where its picture has the gradient dL_dtarget.
+Scene<double> gradients_of(Serial& backend, const Scene<double>& scene, const RasterParams<double>& params,
+                           const Rendering<double>& dL_dtarget) {
+    const Rasterizer<Serial, double> rasterizer(backend, params);
+    Rasterizer<Serial, double>::Cache cache;
+    Rendering<double> out(scene.camera);
+    rasterizer.forward(scene.camera, scene.view(), {scene.background}, out.target(), cache);
+    Scene<double> dL = scene.zeros();
+    rasterizer.backward(scene.camera, scene.view(), {scene.background}, dL_dtarget.gradient(), cache,
+                        dL.gradient_view());
+    return dL;
+}
+
 double dot(const Image<double>& a, const Image<double>& b) {
     double sum = 0;
     for (std::size_t i = 0; i < a.data.size(); ++i) sum += a.data[i] * b.data[i];
@@ -362,7 +375,6 @@ TEST_CASE("a splat that would take the transmittance below the limit is left out
 }
 
 TEST_CASE("with gradient_transmittance_min, a pixel passes the exact gradient to splats in the light, no other") {
-    using R = Rasterizer<Serial, double>;
     constexpr double least = 0.3;
     Serial backend;
     test::Rng rng(6);
@@ -388,13 +400,7 @@ TEST_CASE("with gradient_transmittance_min, a pixel passes the exact gradient to
     const auto gradients = [&](double limit, const Rendering<double>& dL_dtarget) {
         auto params = smooth();
         params.gradient_transmittance_min = limit;
-        const R rasterizer(backend, params);
-        R::Cache cache;
-        Rendering<double> out(scene.camera);
-        rasterizer.forward(scene.camera, scene.view(), {scene.background}, out.target(), cache);
-        Scene<double> dL = scene.zeros();
-        rasterizer.backward(scene.camera, scene.view(), {scene.background}, dL_dtarget.gradient(), cache,
-                            dL.gradient_view());
+        const Scene<double> dL = gradients_of(backend, scene, params, dL_dtarget);
         std::vector<std::vector<double>> rows(n); // all numbers of each splat
         for (std::size_t i = 0; i < n; ++i) {
             const sym3<double>& c = dL.covariances[i];
@@ -438,7 +444,6 @@ TEST_CASE("with gradient_transmittance_min, a pixel passes the exact gradient to
 }
 
 TEST_CASE("a gradient_transmittance_min of 1 leaves the gradient to what nothing stands before") {
-    using R = Rasterizer<Serial, double>;
     Serial backend;
     test::Rng rng(8);
     Scene<double> scene;
@@ -449,14 +454,7 @@ TEST_CASE("a gradient_transmittance_min of 1 leaves the gradient to what nothing
     const auto gradients = [&](double limit) {
         RasterParams<double> params;
         params.gradient_transmittance_min = limit;
-        const R rasterizer(backend, params);
-        R::Cache cache;
-        Rendering<double> out(scene.camera);
-        rasterizer.forward(scene.camera, scene.view(), {scene.background}, out.target(), cache);
-        Scene<double> dL = scene.zeros();
-        rasterizer.backward(scene.camera, scene.view(), {scene.background}, weights.gradient(), cache,
-                            dL.gradient_view());
-        return dL;
+        return gradients_of(backend, scene, params, weights);
     };
     const Scene<double> alone = gradients(0), alone_at_1 = gradients(1);
     CHECK(alone.opacities[0] != 0);
