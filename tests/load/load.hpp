@@ -1,42 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  What the loads of gsh-load share: options, the memory of the process, and the verdict.
+/// @file  The loads of gsh-load, and what they share: the memory of the process, and the verdict.
 #pragma once
 
 #include <cstddef>
-#include <cstdlib>
 #include <fstream>
 #include <iostream>
-#include <map>
-#include <stdexcept>
 #include <string>
 
 #include <unistd.h>
 
 namespace gsh::load {
-
-/// Options of the command line, by their names without dashes.
-class Options {
-public:
-    Options(int argc, char** argv) {
-        for (int i = 2; i < argc; i += 2) {
-            const std::string name = argv[i];
-            if (!name.starts_with("--") || i + 1 == argc)
-                throw std::runtime_error("found '" + name + "', expected --NAME NUMBER");
-            numbers_[name.substr(2)] = std::strtod(argv[i + 1], nullptr);
-        }
-    }
-    /// The number of an option, or the usual one.
-    [[nodiscard]] double number(const std::string& name, double usual) const {
-        const auto found = numbers_.find(name);
-        return found == numbers_.end() ? usual : found->second;
-    }
-    [[nodiscard]] std::size_t count(const std::string& name, std::size_t usual) const {
-        return static_cast<std::size_t>(number(name, static_cast<double>(usual)));
-    }
-
-private:
-    std::map<std::string, double> numbers_;
-};
 
 /// Resident memory of the process, bytes.
 [[nodiscard]] inline std::size_t resident() {
@@ -63,9 +36,9 @@ private:
     return text.substr(0, text.find('.') + 2) + " MB";
 }
 
-void pose_and_draw(const Options& options, Verdict& verdict);
-void serve_pages(const Options& options, Verdict& verdict);
-void train_people(const Options& options, Verdict& verdict);
-void long_motion(const Options& options, Verdict& verdict);
+void pose_and_draw(std::size_t frames, Verdict& verdict);
+void serve_pages(std::size_t pages, double seconds, Verdict& verdict);
+void train_people(std::size_t people, std::size_t steps, Verdict& verdict);
+void long_motion(std::size_t frames, Verdict& verdict);
 
 } // namespace gsh::load

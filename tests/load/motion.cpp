@@ -18,8 +18,7 @@
 
 namespace gsh::load {
 
-void long_motion(const Options& options, Verdict& verdict) {
-    const std::size_t frames = options.count("frames", 100'000);
+void long_motion(std::size_t frames, Verdict& verdict) {
     const BodyModel body = make_actor({.edge_scale = 1.5});
     const Motion motion = actor_motion(ActorMotion::stride, static_cast<int>(frames));
     const test::Temporary folder;

@@ -24,6 +24,7 @@
 #include <cstddef>
 #include <filesystem>
 #include <mutex>
+#include <stdexcept>
 #include <string>
 #include <thread>
 #include <vector>
@@ -90,9 +91,9 @@ struct Frames {
 
 } // namespace
 
-void serve_pages(const Options& options, Verdict& verdict) {
-    const std::size_t pages = options.count("pages", 64), slow = pages / 2;
-    const auto time = std::chrono::duration<double>(options.number("seconds", 600));
+void serve_pages(std::size_t pages, double seconds, Verdict& verdict) {
+    const std::size_t slow = pages / 2;
+    const std::chrono::duration<double> time(seconds);
     cpu::Threads backend;
     const programs::ViewScene scene =
         test::view_scene({test::view_files().actor}, {test::view_files().stride, test::view_files().reach});

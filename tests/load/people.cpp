@@ -15,9 +15,7 @@
 
 namespace gsh::load {
 
-void train_people(const Options& options, Verdict& verdict) {
-    const std::size_t people = options.count("people", 64);
-    const int steps = static_cast<int>(options.count("steps", 40));
+void train_people(std::size_t people, std::size_t steps, Verdict& verdict) {
     const test::SmallScene scene;
     std::vector<Motion> motions;
     for (std::size_t p = 0; p < people; ++p) // in rows of eight; the first one is where the photographs show somebody
@@ -25,7 +23,7 @@ void train_people(const Options& options, Verdict& verdict) {
     const std::size_t before = resident();
     const auto begin = std::chrono::steady_clock::now();
     test::Cast<cpu::Threads> cast(scene, motions, scene.photos, [] { return cpu::Threads(2); }, test::quick_avatar());
-    cast.steps(steps);
+    cast.steps(static_cast<int>(steps));
     const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - begin;
     const Image<float> picture = cast.picture(scene.photos[0].camera, scene.photos[0].frame);
     bool finite = true;

@@ -17,9 +17,9 @@
 
 namespace gsh::load {
 
-void pose_and_draw(const Options& options, Verdict& verdict) {
+void pose_and_draw(std::size_t frames, Verdict& verdict) {
     using B = cpu::Threads;
-    const std::size_t frames = options.count("frames", 100'000), warm_up = std::min<std::size_t>(1000, frames / 2);
+    const std::size_t warm_up = std::min<std::size_t>(1000, frames / 2);
     constexpr int size = 64;
     B backend;
     const AvatarData data = test::lit_actor(3000);
