@@ -122,6 +122,10 @@ TEST_CASE("members that cannot be read name the file and the key") {
                 test::npy_bytes_of_header("{'descr': [('a', '<f8')], 'fortran_order': False, 'shape': ()}",
                                           bytes_of<double>({1})),
                 true);
+        zip.add("behind.npy",
+                test::npy_bytes_of_header("{'descr': '<f8', 'fortran_order': False, 'shape': (), }\nx",
+                                          bytes_of<double>({1})),
+                true);
         zip.add("readme.txt", "not an array", true);
     }
     const NpzReader file(path);
@@ -147,10 +151,11 @@ TEST_CASE("members that cannot be read name the file and the key") {
     test::check_throws<IoError>(read("tiny"), {path.string(), "tiny", "truncated"});
     test::check_throws<IoError>(read("keyless"), {path.string(), "keyless", "fortran_order"});
     test::check_throws<IoError>(read("structured"), {path.string(), "structured"});
+    test::check_throws<IoError>(read("behind"), {path.string(), "behind", "its header is damaged"});
     test::check_throws<IoError>([&] { (void)file.read_texts("x"); }, {path.string(), "x", "text"});
     CHECK(!file.has_array("object"));
     CHECK(file.has_array("text"));
-    CHECK(file.keys().size() == 16);
+    CHECK(file.keys().size() == 17);
 }
 
 TEST_CASE("a damaged member does not pass its checksum") {

@@ -372,7 +372,7 @@ TEST_CASE("what cannot be an avatar is refused by name") {
     avatar.gaussians.means[3].y = std::numeric_limits<float>::quiet_NaN();
     save_avatar(path, avatar);
     const std::string nan = message_of([&] { (void)load_avatar(path); });
-    CHECK(nan == test::contains("means[10]"));
+    CHECK(nan == test::contains("the mean of Gaussian 3 is not finite"));
     CHECK(nan == test::contains(path.string()));
 
     test::check_throws<ValueError>([&] { save_avatar(path, avatar, ArrayStorage::compact); }, {"means[10]", "finite"});
@@ -400,7 +400,9 @@ TEST_CASE("what cannot be an avatar is refused by name") {
     refused([](AvatarData& a) { a.rig.skin.weights[5] = none; }, "skin_weights[5] is");
     refused([](AvatarData& a) { a.rig.skin.weights[0] += 0.5; }, "skin_weights of Gaussian 0 sum to 1.5");
     refused([](AvatarData& a) { a.rig.barycentric[1].y = 1e31; }, "barycentric[4] is 1e+31");
-    refused([](AvatarData& a) { a.gaussians.quats[1].w = float(none); }, "quats[4] is");
+    refused([](AvatarData& a) { a.gaussians.quats[1].w = float(none); }, "the quaternion of Gaussian 1 is 0 or not");
+    refused([](AvatarData& a) { a.gaussians.quats[2] = {0, 0, 0, 0}; }, "the quaternion of Gaussian 2 is 0 or not");
+    refused([](AvatarData& a) { a.gaussians.log_scales[1].y = 44.5f; }, "the scale of Gaussian 1 is e^44.5");
 
     avatar = small_avatar();
     avatar.gaussians.resize(avatar.gaussians.size() - 1, 2);

@@ -135,6 +135,13 @@ private:
     std::size_t position_ = 0;
 };
 
+/// Whether a header is what stands between { and }, with blanks around it.
+inline bool is_one_dictionary(std::string_view text) {
+    constexpr std::string_view blank(" \t\r\n\0", 5);
+    const std::size_t first = text.find_first_not_of(blank), last = text.find_last_not_of(blank);
+    return first != last && text[first] == '{' && text[last] == '}' && text.find('}') == last;
+}
+
 /// Reads magic, version and header. `size` is the size of the whole member; `what` names file and key.
 inline NpyHeader read_npy_header(const ByteSource& source, std::size_t size, const std::string& what) {
     unsigned char start[12] = {};
@@ -156,6 +163,8 @@ inline NpyHeader read_npy_header(const ByteSource& source, std::size_t size, con
 
     NpyHeader header;
     HeaderText parser(text, what);
+    // Bytes behind the dictionary would be the file's next ones, where the length is wrong.
+    if (!is_one_dictionary(text)) parser.fail("its header is damaged");
     parser.find("descr");
     if (parser.peek() == '[') { // a structured type, which is not supported
         header.dtype = "structured";

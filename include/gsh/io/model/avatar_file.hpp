@@ -13,6 +13,7 @@
 #include <gsh/io/file/archive.hpp>
 #include <gsh/io/file/compact_arrays.hpp>
 #include <gsh/io/file/input_file.hpp>
+#include <gsh/io/splat/still_splats.hpp>
 #include <gsh/math/rotation.hpp>
 
 #include <algorithm>
@@ -240,11 +241,7 @@ inline void check_avatar(const std::string& where, const AvatarData& avatar) {
                         number_text(least) + " as the least, expected 1 without negative weights");
     }
     check_finite<float>(where, "normal_offsets", view_as<const float>(Span<const vec3<float>>(avatar.normal_offsets)));
-    check_finite<float>(where, "means", view_as<const float>(Span<const vec3<float>>(g.means)));
-    check_finite<float>(where, "quats", view_as<const float>(Span<const quat<float>>(g.quats)));
-    check_finite<float>(where, "log_scales", view_as<const float>(Span<const vec3<float>>(g.log_scales)));
-    check_finite<float>(where, "opacity_logits", g.opacity_logits);
-    check_finite<float>(where, "sh", view_as<const float>(Span<const vec3<float>>(g.sh)));
+    check_writable(where, g);
 }
 
 } // namespace detail
