@@ -2,7 +2,6 @@
 #include "fuzz/uses.hpp"
 
 #include "io/sample_cameras.hpp"
-#include "io/small_body.hpp"
 
 #include <gsh/backend/serial.hpp>
 #include <gsh/camera/pinhole.hpp>
@@ -29,11 +28,6 @@ namespace {
 
 using fuzz::use; // beside those below
 
-const BodyModel& smpl() {
-    static const BodyModel body = test::small_body(24, 3, 0);
-    return body;
-}
-
 /// Projects a point that the camera sees, and checks what a renderer relies on. A size of 0 is not known yet.
 void use(const Camera<double>& camera) {
     must(camera.width >= 0 && camera.height >= 0 && camera.fx > 0 && camera.fy > 0, "a camera is none");
@@ -44,20 +38,20 @@ void use(const CameraList& list) {
     for (const NamedCamera& camera : list.cameras) use(camera.camera);
 }
 
-const Registered cameras("cameras", "a.json", [](const InputFile& file) {
+const Registered cameras_target("cameras", "a.json", [](const InputFile& file) {
     const CameraList list = read_cameras(file);
     use(list);
     must_come_back("cameras.json", list, write_cameras,
                    [](const std::filesystem::path& path) { return read_cameras(path); });
 });
-const Registered camera("camera", "a.json", [](const InputFile& file) {
+const Registered camera_target("camera", "a.json", [](const InputFile& file) {
     const NamedCamera read = read_camera(file);
     use(read.camera);
     must_come_back("camera.json", read, write_camera,
                    [](const std::filesystem::path& path) { return read_camera(path); });
 });
 
-const Registered prior_views("prior-views", "a/", [](const InputFile& folder) {
+const Registered prior_views_target("prior-views", "a/", [](const InputFile& folder) {
     const std::filesystem::path path = folder.path() / "priors.json";
     const std::vector<std::string> people{"anna", "ben"};
     const auto priors = read_prior_views(path, test::sample_cameras(), 3, people);
@@ -80,7 +74,7 @@ void check_keypoints(const std::vector<PhotoKeypoints>& photos, std::size_t came
                      "a keypoint is not a point");
     }
 }
-const Registered keypoints("keypoints", "a/", [](const InputFile& folder) {
+const Registered keypoints_target("keypoints", "a/", [](const InputFile& folder) {
     const std::filesystem::path file = folder.path() / "keypoints.json";
     std::error_code ignored;
     const auto path = std::filesystem::exists(file, ignored) ? file : folder.path();
@@ -89,7 +83,7 @@ const Registered keypoints("keypoints", "a/", [](const InputFile& folder) {
     check_keypoints(load_keypoints(path, test::sample_cameras(), 3, names), 2, 3);
 });
 
-const Registered detections("detections", "a/", [](const InputFile& folder) {
+const Registered detections_target("detections", "a/", [](const InputFile& folder) {
     const Detections found = load_detections(folder.path());
     for (const NamedCamera& seen : found.cameras) use(seen.camera);
     check_keypoints(found.keypoints, found.cameras.size(), found.times.size());
@@ -99,7 +93,7 @@ const Registered detections("detections", "a/", [](const InputFile& folder) {
                 must(load_detected_mask(found, c, f).width == found.cameras[c].camera.width, "a mask has another size");
 });
 
-const Registered colmap("colmap", "a/", [](const InputFile& folder) {
+const Registered colmap_target("colmap", "a/", [](const InputFile& folder) {
     const ColmapScene scene = read_colmap(folder.path());
     must(scene.points.size() == scene.colors.size(), "a point has no colour");
     for (const vec3<double>& point : scene.points)
@@ -111,7 +105,7 @@ const Registered colmap("colmap", "a/", [](const InputFile& folder) {
     must(photo.image.width == photo.camera.width && photo.image.channels == 4, "a photograph is not its camera's");
 });
 
-const Registered easymocap_cameras("easymocap-cameras", "a/",
+const Registered easymocap_cameras_target("easymocap-cameras", "a/",
                                    [](const InputFile& folder) { use(read_easymocap_cameras(folder.path())); });
 
 /// Every photograph fits its camera; the person can be posed in every frame.
@@ -135,32 +129,32 @@ void use(const Capture& capture, const BodyModel& body) {
 void read_capture(const std::filesystem::path& folder, const std::vector<std::filesystem::path>& poses) {
     cpu::Serial backend;
     std::vector<std::string> warnings;
-    const PeopleCapture people = load_people_capture(backend, folder, {&smpl(), 1}, poses, {}, &warnings);
+    const PeopleCapture people = load_people_capture(backend, folder, {&small_smpl(), 1}, poses, {}, &warnings);
     const Capture& capture = people.any.capture;
-    use(capture, smpl());
-    for (const CapturePerson& person : people.people) use(person.motion, smpl());
+    use(capture, small_smpl());
+    for (const CapturePerson& person : people.people) use(person.motion, small_smpl());
     check_warnings(warnings);
     if (people.any.layout != CaptureLayout::gsh) return;
     const std::filesystem::path copy = scratch() / "copy";
     std::error_code ignored;
     std::filesystem::remove_all(copy, ignored);
     save_capture(copy, capture);
-    const Capture again = load_capture(backend, copy, smpl());
+    const Capture again = load_capture(backend, copy, small_smpl());
     must(again.images.size() == capture.images.size() && again.motion.pose == capture.motion.pose,
          "a capture that is written and read again differs");
     for (std::size_t i = 0; i < capture.images.size(); ++i)
         must(again.images[i].data == capture.images[i].data, "a photograph that is written and read again differs");
 }
 
-const Registered capture("capture", "a/", [](const InputFile& folder) { read_capture(folder.path(), {"poses.npz"}); });
-const Registered people("people-capture", "a/",
+const Registered capture_target("capture", "a/", [](const InputFile& folder) { read_capture(folder.path(), {"poses.npz"}); });
+const Registered people_target("people-capture", "a/",
                         [](const InputFile& folder) { read_capture(folder.path(), {"anna.npz", "ben.npz"}); });
-const Registered snapshot_capture("snapshot-capture", "a/",
+const Registered snapshot_capture_target("snapshot-capture", "a/",
                                   [](const InputFile& folder) { read_capture(folder.path(), {}); });
-const Registered easymocap_capture("easymocap-capture", "a/",
+const Registered easymocap_capture_target("easymocap-capture", "a/",
                                    [](const InputFile& folder) { read_capture(folder.path(), {}); });
 
-const Registered gala_capture("gala-capture", "a/", [](const InputFile& folder) {
+const Registered gala_capture_target("gala-capture", "a/", [](const InputFile& folder) {
     cpu::Serial backend;
     std::vector<std::string> warnings;
     const AnyCapture any = load_any_capture(backend, folder.path() / "scene", nullptr, {}, &warnings);

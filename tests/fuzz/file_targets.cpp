@@ -33,7 +33,7 @@ void attempt(const Read& read) {
     }
 }
 
-const Registered npy("npy", "a.npy", [](const InputFile& file) {
+const Registered npy_target("npy", "a.npy", [](const InputFile& file) {
     attempt([&] { check_numbers(read_npy<float>(file, Numbers::any)); });
     attempt([&] { check_numbers(read_npy<std::int32_t>(file)); });
     const NpyArray<double> array = read_npy<double>(file);
@@ -44,7 +44,7 @@ const Registered npy("npy", "a.npy", [](const InputFile& file) {
         [](const auto& path) { return read_npy<double>(path); });
 });
 
-const Registered npz("npz", "a.npz", [](const InputFile& file) {
+const Registered npz_target("npz", "a.npz", [](const InputFile& file) {
     attempt([&] { (void)archive_kind(file); });
     const NpzReader archive(file);
     for (const std::string& key : archive.keys()) {
@@ -56,17 +56,17 @@ const Registered npz("npz", "a.npz", [](const InputFile& file) {
     }
 });
 
-const Registered safetensors("safetensors", "a.safetensors", [](const InputFile& file) {
+const Registered safetensors_target("safetensors", "a.safetensors", [](const InputFile& file) {
     const SafetensorsReader tensors(file);
     for (const std::string& key : tensors.keys()) attempt([&] { check_numbers(tensors.read<float>(key)); });
 });
 
-const Registered json("json", "a.json", [](const InputFile& file) {
+const Registered json_target("json", "a.json", [](const InputFile& file) {
     const detail::Json value = detail::read_json(file);
     must(detail::parse_json(value.dump(), "again") == value, "JSON that is written and read again differs");
 });
 
-const Registered configuration("configuration", "a.json", [](const InputFile& file) {
+const Registered configuration_target("configuration", "a.json", [](const InputFile& file) {
     const Configuration read = read_configuration(file);
     const StaticModelParams scene = find_static_configuration("static", 100);
     must(!read.name.empty() && scene.sh_degree >= 0, "a configuration has no name");
@@ -75,8 +75,8 @@ const Registered configuration("configuration", "a.json", [](const InputFile& fi
 void read_network(const InputFile& file) {
     (void)read_lpips(file);
 }
-const Registered lpips("lpips", "a.safetensors", read_network);
-const Registered lpips_npz("lpips-npz", "a.npz", read_network);
+const Registered lpips_target("lpips", "a.safetensors", read_network);
+const Registered lpips_npz_target("lpips-npz", "a.npz", read_network);
 
 } // namespace
 

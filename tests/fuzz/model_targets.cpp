@@ -25,14 +25,14 @@ namespace gsh::fuzz {
 
 namespace {
 
-const Registered body("body", "a.npz", [](const InputFile& file) {
+const Registered body_target("body", "a.npz", [](const InputFile& file) {
     const BodyModel model = load_body_model(file);
     use(model);
     must_come_back("body.npz", model, save_body_model,
                    [](const std::filesystem::path& path) { return load_body_model(path); });
 });
 
-const Registered makehuman("makehuman", "a.zip", [](const InputFile& file) {
+const Registered makehuman_target("makehuman", "a.zip", [](const InputFile& file) {
     const MakeHumanData data = load_makehuman(file);
     try {
         for (const vec3<double>& p :
@@ -43,14 +43,14 @@ const Registered makehuman("makehuman", "a.zip", [](const InputFile& file) {
     }
 });
 
-const Registered regions("regions", "a.json", [](const InputFile& file) {
+const Registered regions_target("regions", "a.json", [](const InputFile& file) {
     static const BodyModel model = test::small_body(55);
     const RegionLists lists = read_regions(file, model.vertex_count());
     for (const double importance : region_mask(model, model.v_template, lists).samples_per_vertex())
         must(std::isfinite(importance) && importance >= 0, "a region has no number of samples");
 });
 
-const Registered avatar("avatar", "a.gsh", [](const InputFile& file) {
+const Registered avatar_target("avatar", "a.gsh", [](const InputFile& file) {
     const AvatarData data = load_avatar(file);
     use(data);
     must_come_back(
@@ -96,7 +96,7 @@ struct SmallRefinement {
     void set_state(State given) { state = std::move(given); }
 };
 
-const Registered checkpoint("checkpoint", "a.gsh", [](const InputFile& file) {
+const Registered checkpoint_target("checkpoint", "a.gsh", [](const InputFile& file) {
     const ArchiveReader archive(file, "checkpoint", checkpoint_version);
     for (const char* text : {"configuration", "options"})
         if (archive.has(text)) (void)archive.read_text(text);

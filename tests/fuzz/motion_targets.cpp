@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "fuzz/uses.hpp"
 
-#include "io/small_body.hpp"
 #include "support/skeleton_body.hpp"
 
 #include <gsh/body/joint_names.hpp>
@@ -18,15 +17,6 @@
 namespace gsh::fuzz {
 
 namespace {
-
-const BodyModel& smplx() {
-    static const BodyModel body = test::small_body(55, 3, 2, true);
-    return body;
-}
-const BodyModel& smpl() {
-    static const BodyModel body = test::small_body(24, 3, 0);
-    return body;
-}
 
 /// Loads a motion of any layout, poses the body with it, and writes it again.
 void read_stored(const InputFile& file, const BodyModel& body) {
@@ -48,10 +38,10 @@ void read_motion(const InputFile& file, const BodyModel& body) {
     check_warnings(warnings);
 }
 void read_for_smplx(const InputFile& file) {
-    read_motion(file, smplx());
+    read_motion(file, small_smplx());
 }
 void read_for_smpl(const InputFile& file) {
-    read_motion(file, smpl());
+    read_motion(file, small_smpl());
 }
 
 /// The same for another rig's motion, which is retargeted, and is also written as a rig's.
@@ -73,20 +63,20 @@ void read_rig(const InputFile& file) {
         must(frames == rig->frame_count(), "a rig's motion that is written and read again has other frames");
 }
 
-const Registered motion("motion", "a.npz", read_for_smplx);
-const Registered motion_smpl("motion-smpl", "a.npz", read_for_smpl);
-const Registered amass("amass", "a.npz", read_for_smplx);
-const Registered smplifyx("smplifyx", "a.npz", read_for_smplx);
-const Registered snapshot("snapshot-poses", "a.npz", read_for_smpl);
-const Registered sam3d("sam3d", "a.npz", read_rig);
-const Registered bvh("bvh", "a.bvh", read_rig);
-const Registered glb_motion("glb-motion", "a.glb", read_rig);
-const Registered gltf_motion("gltf-motion", "a.gltf", read_rig);
-const Registered smplx_json("smplx-json", "a/", read_for_smplx);
-const Registered easymocap("easymocap-poses", "a/", read_for_smpl);
-const Registered npz_frames("npz-frames", "a/", read_for_smplx);
+const Registered motion_target("motion", "a.npz", read_for_smplx);
+const Registered motion_smpl_target("motion-smpl", "a.npz", read_for_smpl);
+const Registered amass_target("amass", "a.npz", read_for_smplx);
+const Registered smplifyx_target("smplifyx", "a.npz", read_for_smplx);
+const Registered snapshot_target("snapshot-poses", "a.npz", read_for_smpl);
+const Registered sam3d_target("sam3d", "a.npz", read_rig);
+const Registered bvh_target("bvh", "a.bvh", read_rig);
+const Registered glb_motion_target("glb-motion", "a.glb", read_rig);
+const Registered gltf_motion_target("gltf-motion", "a.gltf", read_rig);
+const Registered smplx_json_target("smplx-json", "a/", read_for_smplx);
+const Registered easymocap_target("easymocap-poses", "a/", read_for_smpl);
+const Registered npz_frames_target("npz-frames", "a/", read_for_smplx);
 
-const Registered gala("gala-poses", "a/", [](const InputFile& folder) {
+const Registered gala_target("gala-poses", "a/", [](const InputFile& folder) {
     const std::filesystem::path model = folder.path() / "model";
     std::vector<std::string> warnings;
     const GalaRig rig = load_gala_rig(model, &warnings);
@@ -95,7 +85,7 @@ const Registered gala("gala-poses", "a/", [](const InputFile& folder) {
     check_warnings(warnings);
 });
 
-const Registered joint_map("joint-map", "a.json", [](const InputFile& file) {
+const Registered joint_map_target("joint-map", "a.json", [](const InputFile& file) {
     for (const auto& [name, joint] : read_joint_map(file).named)
         must(joint.empty() || smplx_joint(joint) >= 0, "a joint map names no joint of SMPL-X");
 });

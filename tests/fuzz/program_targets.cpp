@@ -118,7 +118,7 @@ constexpr std::array<std::string_view, 11> main_names{"gsh-animate",     "gsh-bo
                                                       "gsh-export",      "gsh-fit",   "gsh-motion", "gsh-render",
                                                       "gsh-reconstruct", "gsh-video", "gsh-view"};
 
-const Registered command_line("command-line", "words", [](const InputFile& file) {
+const Registered command_line_target("command-line", "words", [](const InputFile& file) {
     const std::vector<std::string> words = words_of(file);
     for (std::size_t i = 0; i < mains.size(); ++i)
         if (words[0] == main_names[i]) expect_one_line([&] { read_line(words, mains[i]); });
@@ -162,7 +162,7 @@ const Registered command_line("command-line", "words", [](const InputFile& file)
         });
 });
 
-const Registered settings("setting", "settings", [](const InputFile& file) { // the words of several --set
+const Registered settings_target("setting", "settings", [](const InputFile& file) { // the words of several --set
     ReconstructOptions options;
     options.set = words_of(file);
     for (const std::string_view name : configuration_names) {
@@ -173,7 +173,7 @@ const Registered settings("setting", "settings", [](const InputFile& file) { // 
     expect_one_line([&] { (void)scene_configuration_of(options); });
 });
 
-const Registered stored_options("stored-options", "checkpoint", [](const InputFile& file) {
+const Registered stored_options_target("stored-options", "checkpoint", [](const InputFile& file) {
     ReconstructOptions options;
     CLI::App app;
     add_options(app, options);
@@ -183,7 +183,7 @@ const Registered stored_options("stored-options", "checkpoint", [](const InputFi
     }
 });
 
-const Registered evaluation("evaluation-result", "result.json", [](const InputFile& file) {
+const Registered evaluation_target("evaluation-result", "result.json", [](const InputFile& file) {
     const auto parsed = [](const gsh::detail::Json& json, const std::string& name) {
         try {
             return result_of(json);

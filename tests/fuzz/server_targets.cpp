@@ -36,7 +36,7 @@ namespace {
 
 using namespace gsh::programs;
 
-const Registered request_head("request-head", "head", [](const InputFile& file) {
+const Registered request_head_target("request-head", "head", [](const InputFile& file) {
     const ConnectionLimits limits;
     const std::string bytes = read_file(file);
     const RequestHead head = parse_head(bytes, "0123456789abcdef", limits);
@@ -53,7 +53,7 @@ const Registered request_head("request-head", "head", [](const InputFile& file) 
 
 const std::vector<PersonSize> two_people{{3, 2, 1}, {4, 0, 0}};
 
-const Registered view_request("view-request", "request", [](const InputFile& file) {
+const Registered view_request_target("view-request", "request", [](const InputFile& file) {
     try {
         const ViewRequest request = parse_view_request(read_file(file), two_people);
         must(request.people.size() == 2 && request.people[0].pose.size() == 3 && request.people[1].pose.size() == 4,
@@ -121,7 +121,7 @@ private:
 };
 
 /// Bytes of a connection to gsh-view. "{key}" stands for the key, which nobody can guess.
-const Registered view_server("view-server", "connection", [](const InputFile& file) {
+const Registered view_server_target("view-server", "connection", [](const InputFile& file) {
     static const RunningServer server;
     std::string bytes = read_file(file);
     for (std::size_t at; (at = bytes.find("{key}")) != std::string::npos;) bytes.replace(at, 5, server.key());

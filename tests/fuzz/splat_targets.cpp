@@ -18,12 +18,12 @@ void read_and_use(const InputFile& file) {
         [](const auto& path) { return read_gaussian_ply(path); });
 }
 
-const Registered ply("ply", "a.ply", read_and_use);
-const Registered compressed_ply("compressed-ply", "a.compressed.ply", read_and_use);
-const Registered spz("spz", "a.spz", read_and_use);
-const Registered splat("splat", "a.splat", read_and_use);
-const Registered glb_splats("glb-splats", "a.glb", read_and_use);
-const Registered gltf_splats("gltf-splats", "a.gltf", read_and_use);
+const Registered ply_target("ply", "a.ply", read_and_use);
+const Registered compressed_ply_target("compressed-ply", "a.compressed.ply", read_and_use);
+const Registered spz_target("spz", "a.spz", read_and_use);
+const Registered splat_target("splat", "a.splat", read_and_use);
+const Registered glb_splats_target("glb-splats", "a.glb", read_and_use);
+const Registered gltf_splats_target("gltf-splats", "a.gltf", read_and_use);
 
 } // namespace
 

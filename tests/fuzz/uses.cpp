@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "fuzz/uses.hpp"
 
+#include "io/small_body.hpp"
+
 #include <gsh/body/posed_body.hpp>
 #include <gsh/camera/pinhole.hpp>
 #include <gsh/core/error.hpp>
@@ -44,6 +46,15 @@ std::vector<vec3<double>> bent(std::size_t joints, double angle) {
 }
 
 } // namespace
+
+const BodyModel& small_smplx() {
+    static const BodyModel body = test::small_body(55, 3, 2, true);
+    return body;
+}
+const BodyModel& small_smpl() {
+    static const BodyModel body = test::small_body(24, 3, 0);
+    return body;
+}
 
 void use(const GaussianCloud<float>& cloud) {
     cpu::Serial backend;

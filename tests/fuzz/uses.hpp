@@ -18,6 +18,10 @@
 
 namespace gsh::fuzz {
 
+/// Bodies of few vertices with the joints of SMPL-X and of SMPL.
+[[nodiscard]] const BodyModel& small_smplx();
+[[nodiscard]] const BodyModel& small_smpl();
+
 /// Rasterizes a cloud at 64 × 64, from a camera that sees all of it.
 void use(const GaussianCloud<float>& cloud);
 
