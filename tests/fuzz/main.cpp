@@ -8,6 +8,8 @@
 #include <gsh/core/message.hpp>
 
 #include <algorithm>
+#include <atomic>
+#include <cstddef>
 #include <cstdint>
 #include <cstdio>
 #include <cstdlib>
@@ -16,6 +18,11 @@
 #include <filesystem>
 #include <random>
 #include <string>
+
+#if __has_feature(address_sanitizer)
+#include <sanitizer/allocator_interface.h>
+#define GSH_FUZZ_COUNTS_MEMORY 1
+#endif
 
 extern "C" std::size_t LLVMFuzzerMutate(std::uint8_t* data, std::size_t size, std::size_t max_size);
 
@@ -40,6 +47,51 @@ void check_message(std::string_view message, std::string_view path) {
     std::abort();
 }
 
+/// Bytes that are allocated, and the most there were since restart(). Several threads may allocate.
+class Memory {
+public:
+    Memory() {
+#ifdef GSH_FUZZ_COUNTS_MEMORY
+        __sanitizer_install_malloc_and_free_hooks(
+            [](const volatile void* at, std::size_t) { memory.add(static_cast<std::ptrdiff_t>(size_of(at))); },
+            [](const volatile void* at) { memory.add(-static_cast<std::ptrdiff_t>(size_of(at))); });
+#endif
+    }
+    void restart() {
+        before_ = now_.load();
+        most_ = before_;
+    }
+    /// Ends the process if an input of so many bytes took more memory than it may; keeps the largest for the report.
+    void check(std::size_t input) {
+        const auto used = static_cast<std::size_t>(most_ - before_);
+        largest_ = std::max(largest_, used);
+        if (used <= 2 * input + spare) return;
+        std::fprintf(stderr, "fuzz: an input of %zu bytes took %zu bytes of memory\n", input, used);
+        std::abort();
+    }
+    [[nodiscard]] std::size_t largest() const { return largest_; }
+
+    static Memory memory;
+
+private:
+    static constexpr std::size_t spare = std::size_t(64) << 20; // beside twice the input
+#ifdef GSH_FUZZ_COUNTS_MEMORY
+    static std::size_t size_of(const volatile void* at) {
+        return __sanitizer_get_allocated_size(const_cast<const void*>(at));
+    }
+#endif
+    void add(std::ptrdiff_t size) {
+        const std::ptrdiff_t sum = now_ += size;
+        for (std::ptrdiff_t known = most_; sum > known && !most_.compare_exchange_weak(known, sum);) {
+        }
+    }
+
+    std::atomic<std::ptrdiff_t> now_ = 0, most_ = 0;
+    std::ptrdiff_t before_ = 0;
+    std::size_t largest_ = 0;
+};
+Memory Memory::memory;
+
 } // namespace
 
 void run_once(const Target& target, std::string_view bytes) {
@@ -47,6 +99,7 @@ void run_once(const Target& target, std::string_view bytes) {
     const std::filesystem::path path = is_folder
                                            ? unpack_to_scratch(target.file.substr(0, target.file.size() - 1), bytes)
                                            : std::filesystem::path(target.file);
+    Memory::memory.restart();
     try {
         if (is_folder)
             target.run(path);
@@ -58,6 +111,7 @@ void run_once(const Target& target, std::string_view bytes) {
         std::fprintf(stderr, "fuzz: an exception that is not gsh's: %s\n", error.what());
         std::abort();
     }
+    Memory::memory.check(bytes.size());
 }
 
 namespace {
@@ -119,6 +173,7 @@ extern "C" int LLVMFuzzerInitialize(int*, char*** arguments) {
     std::sort(all.begin(), all.end(), [](const auto& a, const auto& b) { return a.name < b.name; });
     for (const gsh::fuzz::Target& target : all)
         if (program == "fuzz-" + std::string(target.name)) gsh::fuzz::chosen = &target;
+    std::atexit([] { std::fprintf(stderr, "stat::memory_of_an_input: %zu\n", gsh::fuzz::Memory::memory.largest()); });
     if (gsh::fuzz::chosen) return 0;
     if (program != "gsh-fuzz") std::fprintf(stderr, "%s: there is no such target\n", program.c_str());
     for (const gsh::fuzz::Target& target : all) std::printf("%s\n", std::string(target.name).c_str());

@@ -2,6 +2,7 @@
 /// gsh-view's server under many pages: half of them read slowly, and some vanish in the middle of an answer.
 #include "load/load.hpp"
 
+#include "programs/raw_client.hpp"
 #include "programs/view_answers.hpp"
 #include "programs/view_scenes.hpp"
 
@@ -12,12 +13,6 @@
 
 #include <httplib.h>
 
-#include <arpa/inet.h>
-#include <netinet/in.h>
-#include <poll.h>
-#include <sys/socket.h>
-#include <unistd.h>
-
 #include <algorithm>
 #include <atomic>
 #include <chrono>
@@ -26,6 +21,7 @@
 #include <mutex>
 #include <stdexcept>
 #include <string>
+#include <system_error>
 #include <thread>
 #include <vector>
 
@@ -36,39 +32,7 @@ namespace {
 using namespace std::chrono_literals;
 using Clock = std::chrono::steady_clock;
 
-/// A client that sends and reads bytes at a pace of its own.
-class Socket {
-public:
-    explicit Socket(int port) : socket_(::socket(AF_INET, SOCK_STREAM, 0)) {
-        const int small = 4096; // what the kernel keeps for a slow reader
-        ::setsockopt(socket_, SOL_SOCKET, SO_RCVBUF, &small, sizeof small);
-        sockaddr_in address{};
-        address.sin_family = AF_INET;
-        address.sin_port = htons(static_cast<std::uint16_t>(port));
-        address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-        is_open_ = ::connect(socket_, reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0;
-    }
-    ~Socket() { ::close(socket_); }
-    Socket(const Socket&) = delete;
-    Socket& operator=(const Socket&) = delete;
-
-    bool send(const std::string& bytes) {
-        return is_open_ &&
-               ::send(socket_, bytes.data(), bytes.size(), MSG_NOSIGNAL) == static_cast<ssize_t>(bytes.size());
-    }
-    /// Bytes of at most one block, empty at the end of the connection or after the time.
-    std::string receive(std::chrono::milliseconds time) {
-        pollfd file{socket_, POLLIN, 0};
-        if (::poll(&file, 1, static_cast<int>(time.count())) <= 0) return {};
-        std::string block(8192, '\0');
-        block.resize(static_cast<std::size_t>(std::max<ssize_t>(::recv(socket_, block.data(), block.size(), 0), 0)));
-        return block;
-    }
-
-private:
-    int socket_;
-    bool is_open_ = false;
-};
+constexpr int slow_buffer = 4096; // bytes that the kernel keeps for a slow reader
 
 std::size_t thread_count() {
     std::size_t count = 0;
@@ -137,15 +101,15 @@ void serve_pages(std::size_t pages, double seconds, Verdict& verdict) {
         }
     };
     const auto slow_page = [&](std::size_t page) { // about 80 kB a second
-        Socket socket(server.port());
+        test::RawClient client(server.port(), {}, slow_buffer);
         std::string answer;
         bool asked = false;
         while (!stop_pages) {
             if (!asked) {
-                if (!socket.send(whole_request(slow_body))) break;
+                if (!client.send(whole_request(slow_body))) break;
                 asked = true, answer.clear();
             }
-            const std::string block = socket.receive(2000ms);
+            const std::string block = client.receive_block(2000ms);
             answer += block;
             const std::size_t head = answer.find("\r\n\r\n"), field = answer.find("Content-Length: ");
             if (head != std::string::npos && field < head &&
@@ -162,14 +126,24 @@ void serve_pages(std::size_t pages, double seconds, Verdict& verdict) {
     };
     std::vector<std::thread> threads;
     for (std::size_t page = 0; page < pages - slow; ++page) threads.emplace_back(quick_page, page);
-    for (std::size_t page = pages - slow; page < pages; ++page) threads.emplace_back(slow_page, page);
-    threads.emplace_back([&] {
-        for (; !stop_pages; std::this_thread::sleep_for(200ms)) { // asks, and closes while the answer is made or sent
-            Socket socket(server.port());
-            if (socket.send(whole_request(slow_body))) ++frames.vanished;
-            if (frames.vanished % 2 == 0) (void)socket.receive(1000ms);
+    const auto with_connection = [&](const auto& page) {
+        try {
+            page();
+        } catch (const std::system_error& error) {
+            const std::lock_guard lock(frames.mutex);
+            frames.add_error(error.what());
         }
-    });
+    };
+    for (std::size_t page = pages - slow; page < pages; ++page)
+        threads.emplace_back([&, page] { with_connection([&] { slow_page(page); }); });
+    const auto vanishing_page = [&] {
+        for (; !stop_pages; std::this_thread::sleep_for(200ms)) { // asks, and closes while the answer is made or sent
+            test::RawClient client(server.port(), {}, slow_buffer);
+            if (client.send(whole_request(slow_body))) ++frames.vanished;
+            if (frames.vanished % 2 == 0) (void)client.receive_block(1000ms);
+        }
+    };
+    threads.emplace_back([&] { with_connection(vanishing_page); });
     const auto begin = Clock::now();
     std::size_t warm = 0, largest = 0;
     while (Clock::now() - begin < time) {

@@ -1,15 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 /// Connections of gsh-view's server: what a client that has no key can hold up, and heads of requests.
+#include "raw_client.hpp"
 #include "support/contains.hpp"
 #include "view/view_connections.hpp"
 
 #include <doctest/doctest.h>
-
-#include <arpa/inet.h>
-#include <netinet/in.h>
-#include <poll.h>
-#include <sys/socket.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <atomic>
@@ -20,54 +15,11 @@
 
 using namespace gsh::programs;
 using namespace std::chrono_literals;
+using gsh::test::RawClient;
 
 namespace {
 
 const std::string server_key = "0123456789abcdef";
-
-/// A client that sends bytes as they are.
-class RawClient {
-public:
-    explicit RawClient(int port, const std::string& bytes = {}) : socket_(::socket(AF_INET, SOCK_STREAM, 0)) {
-        sockaddr_in address{};
-        address.sin_family = AF_INET;
-        address.sin_port = htons(static_cast<std::uint16_t>(port));
-        address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-        REQUIRE(::connect(socket_, reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0);
-        if (!bytes.empty()) send(bytes);
-    }
-    ~RawClient() { ::close(socket_); }
-    RawClient(const RawClient&) = delete;
-    RawClient& operator=(const RawClient&) = delete;
-
-    bool send(const std::string& bytes) {
-        return ::send(socket_, bytes.data(), bytes.size(), MSG_NOSIGNAL) == static_cast<ssize_t>(bytes.size());
-    }
-    /// What arrives until the text is in it, the connection ends, or the time is over.
-    std::string receive(const std::string& until = "\n\n no end", std::chrono::milliseconds time = 3s) {
-        const auto deadline = std::chrono::steady_clock::now() + time;
-        while (received_.find(until) == std::string::npos) {
-            const auto left =
-                std::chrono::duration_cast<std::chrono::milliseconds>(deadline - std::chrono::steady_clock::now());
-            pollfd file{socket_, POLLIN, 0};
-            if (left <= 0ms || ::poll(&file, 1, static_cast<int>(left.count())) <= 0) break;
-            char block[4096];
-            const ssize_t count = ::recv(socket_, block, sizeof block, 0);
-            if (count <= 0) {
-                ended_ = true;
-                break;
-            }
-            received_.append(block, static_cast<std::size_t>(count));
-        }
-        return received_;
-    }
-    [[nodiscard]] bool ended() const { return ended_; }
-
-private:
-    int socket_;
-    std::string received_;
-    bool ended_ = false;
-};
 
 /// A server whose answers are the target and the body of the request. /slow takes 20 ms, /large has 32 MB.
 class Running {

@@ -145,6 +145,12 @@ TEST_CASE("files that are not LPIPS weights") {
 
     write_without("features.0.weight");
     check_throws<IoError>(read, {"features.0.weight or slice1.0.weight is missing", "the file holds", "lpips.md"});
+    {
+        test::SafetensorsFile file;
+        file.add("a\x7F", "[2]", Values(2));
+        file.write(path);
+    }
+    check_throws<IoError>(read, {"is missing; the file holds: a?; docs"});
     write_without("features.8.bias");
     check_throws<IoError>(read, {"features.8.bias"});
     write_without("lin4.model.1.weight");

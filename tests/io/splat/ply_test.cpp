@@ -246,6 +246,8 @@ TEST_CASE("what is no PLY, or no longer one") {
     expect(header(list, "2") + row(list) + row(list).substr(1), {"truncated"});
     expect("ply\nformat ascii 1.0\nend_header\n", {"no vertex"});
     expect("ply\nelement vertex 0\nend_header\n", {"no format"});
+    for (const std::string& rest : {std::string("element vertex 1\nproperty float x\n"), std::string("format ascii 1.0\n")})
+        expect("ply\n" + rest + "format binary_little_endian 1.0\nend_header\n\1\2\3\4", {"second format line, or one behind an element"});
     expect("ply\nformat ascii 1.0\nelement face 2\nproperty int a\nelement vertex 0\nend_header\n1\n", {"2 face"});
     expect("ply\nformat ascii 1.0\nelement vertex 1\nproperty list uchar int x\nend_header\n0\n", {"missing: x"});
     expect("ply\nformat ascii 1.0\nelement vertex 1\nproperty list float int x\nend_header\n", {"property x", "list"});

@@ -6,6 +6,7 @@
 #include <gsh/body/body_model.hpp>
 #include <gsh/body/motion.hpp>
 #include <gsh/core/error.hpp>
+#include <gsh/core/message.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/image/image.hpp>
 #include <gsh/io/capture/any_capture.hpp>
@@ -207,9 +208,9 @@ PeopleCapture load_people_capture(E& executor, const std::filesystem::path& fold
         if (!std::filesystem::is_directory(path, ignored) ||
             std::any_of(result.people.begin(), result.people.end(), called))
             continue;
-        std::string known;
-        for (const CapturePerson& person : result.people) known += (known.empty() ? "" : ", ") + person.name;
-        throw IoError(path.string() + ": there is no such person; the people are " + known);
+        throw IoError(path.string() + ": there is no such person; the people are " +
+                      detail::listing(result.people.size(), 8,
+                                      [&](std::size_t i) { return detail::shortened(result.people[i].name); }));
     }
     const bool ours = result.any.layout == CaptureLayout::gsh; // the capture's cameras have lost their distortion
     const auto cameras = ours ? read_cameras(folder / "cameras.json").cameras : capture.cameras;

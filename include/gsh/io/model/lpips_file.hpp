@@ -3,6 +3,7 @@
 #pragma once
 
 #include <gsh/core/error.hpp>
+#include <gsh/core/message.hpp>
 #include <gsh/io/file/input_file.hpp>
 #include <gsh/io/file/npz.hpp>
 #include <gsh/io/file/safetensors.hpp>
@@ -42,17 +43,15 @@ inline std::string find_tensor(const std::vector<std::string>& keys, const std::
             if (key == ending) return key;
             if (!key.ends_with("." + ending)) continue;
             if (!found.empty())
-                throw IoError(file + ": both " + found + " and " + key + " could be " + ending +
+                throw IoError(file + ": both " + shortened(found) + " and " + shortened(key) + " could be " + ending +
                               "; keep one network in the file");
             found = key;
         }
         if (!found.empty()) return found;
     }
-    std::string wanted, known;
+    std::string wanted;
     for (const std::string& ending : endings) wanted += (wanted.empty() ? "" : " or ") + ending;
-    for (const std::string& key : keys) known += (known.empty() ? "" : ", ") + key;
-    if (known.size() > 300) known = known.substr(0, 300) + " ...";
-    throw IoError(file + ": " + wanted + " is missing; the file holds: " + (known.empty() ? "no arrays" : known) +
+    throw IoError(file + ": " + wanted + " is missing; the file holds: " + listed(keys, "no arrays") +
                   "; docs/components/lpips.md says how to export the weights");
 }
 

@@ -90,6 +90,8 @@ public:
             }
             if (word[0] == "end_header") break;
             if (word[0] == "format" && word.size() >= 2) {
+                // Sizes of rows follow from it.
+                if (has_format || !header_.elements.empty()) fail("has a second format line, or one behind an element");
                 set_encoding(word[1]);
                 has_format = true;
             } else if (word[0] == "element" && word.size() == 3) {
