@@ -147,7 +147,7 @@ TEST_CASE("files that are not LPIPS weights") {
     check_throws<IoError>(read, {"features.0.weight or slice1.0.weight is missing", "the file holds", "lpips.md"});
     {
         test::SafetensorsFile file;
-        file.add("a\x7F", "[2]", Values(2));
+        file.add("a\x7F", list({2}), Values(2));
         file.write(path);
     }
     check_throws<IoError>(read, {"is missing; the file holds: a?; docs"});
