@@ -157,6 +157,8 @@ TEST_CASE("light is merged into the colours of each frame, with its shadows and 
         CHECK(visible_error(first, 0, center) < 0.01);
         CHECK(visible_error(second, 1, center) < 0.01);
     }
+    // Where views from behind the surface count as much as others, colours fit those that are seen worse.
+    CHECK(visible_error(first, 0, still_eye) < 0.9 * visible_error(s.still(0, {.hidden_weight = 1}), 0, still_eye));
     auto other_light = second; // the light of another frame is seen to be wrong
     other_light.sh = first.sh;
     CHECK(visible_error(other_light, 1, still_eye) > 0.02);
