@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Checks PNG and JPEG images before they are decoded: damage, and sizes that they cannot hold.
+/// @file  Checks PNG images before they are decoded: damage, and sizes that they cannot hold.
 #pragma once
 
 #include <gsh/core/error.hpp>
@@ -34,14 +34,6 @@ inline void check_pixel_count(const std::string& name, std::int64_t width, std::
 ///
 /// Errors  IoError for a truncated or damaged file, and for more pixels than 2^26 or than the file can hold.
 [[nodiscard]] inline std::string unpacked_png(std::string_view bytes, const std::string& name);
-
-/// Checks that a JPEG ends after its last scan, since stb_image fills a truncated image with grey, that it holds a bit
-/// for each block of 64 pixels, as it must, and that it has at most 100 scans, each of which goes over all pixels.
-/// Errors  IoError.
-inline void check_jpeg(std::string_view bytes, const std::string& name);
-
-/// The same for a JPEG's size in pixels, once it is known.
-inline void check_jpeg_size(std::string_view bytes, const std::string& name, std::int64_t width, std::int64_t height);
 
 // -------------------------------------------------------------------------------------------------------------
 
@@ -185,34 +177,6 @@ inline std::string unpacked_png(std::string_view bytes, const std::string& name)
     result += "IEND";
     number(0);
     return result;
-}
-
-inline void check_jpeg(std::string_view bytes, const std::string& name) {
-    const auto byte = [&](std::size_t at) { return static_cast<unsigned char>(bytes[at]); };
-    const auto truncated = [&] { return IoError(name + ": the image is truncated"); };
-    constexpr unsigned char end = 0xD9, scan = 0xDA;
-    std::size_t scans = 0;
-    for (std::size_t at = 2;;) {
-        // The next marker. Within a scan, 0xFF 0x00 is a byte, and 0xD0 to 0xD7 begin anew.
-        while (at + 1 < bytes.size() && (byte(at) != 0xFF || byte(at + 1) == 0 || byte(at + 1) == 0xFF ||
-                                         (byte(at + 1) >= 0xD0 && byte(at + 1) <= 0xD7)))
-            ++at;
-        if (at + 1 >= bytes.size()) throw truncated();
-        const unsigned char marker = byte(at + 1);
-        if (marker == end && scans > 0) return; // what follows, such as a film of a phone, is not of the image
-        if (marker == scan && ++scans > 100)
-            throw IoError(name + ": the image is damaged: it has more than 100 scans, each over all pixels");
-        if (marker == end || at + 3 >= bytes.size()) throw truncated();
-        at += 2 + (std::size_t(byte(at + 2)) << 8 | byte(at + 3));
-    }
-}
-
-inline void check_jpeg_size(std::string_view bytes, const std::string& name, std::int64_t width, std::int64_t height) {
-    check_pixel_count(name, width, height);
-    const auto blocks = static_cast<std::uint64_t>((width + 7) / 8 * ((height + 7) / 8));
-    if (blocks / 8 > bytes.size())
-        throw IoError(name + ": the image claims " + std::to_string(width) + " x " + std::to_string(height) +
-                      " pixels, more than its " + std::to_string(bytes.size()) + " bytes can hold");
 }
 
 } // namespace gsh::detail

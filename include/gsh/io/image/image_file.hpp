@@ -10,6 +10,7 @@
 #include <gsh/io/file/input_file.hpp>
 #include <gsh/io/image/exif.hpp>
 #include <gsh/io/image/image_bounds.hpp>
+#include <gsh/io/image/jpeg_structure.hpp>
 
 #include <stb/stb_image.h>
 #include <stb/stb_image_write.h>
