@@ -4,8 +4,8 @@
 ///
 ///        GSH_FAIL_UNDER  the folder
 ///        GSH_FAIL_IN     the program; others that it starts are left alone
-///        GSH_FAIL_CALL   open, read, write, fsync, rename, mkdir, close, unlink; thread, memory or clock, which need no
-///                        folder. With clock, each look at the clock finds it an hour earlier than the one before
+///        GSH_FAIL_CALL   open, read, write, fsync, rename, mkdir, close, unlink; thread, memory or clock, which need
+///                        no folder. With clock, each look at the clock finds it an hour earlier than the one before
 ///        GSH_FAIL_AT     n, from 1; with a + behind it, all calls from the n-th on
 ///        GSH_FAIL_WITH   the number of an error (errno); 0 for a write or read of one byte only. Below 0, the call is
 ///                        made, but before it another process (so it seems) has changed the file: -1 takes the second
@@ -251,7 +251,7 @@ ssize_t read(int descriptor, void* data, size_t size) {
 }
 size_t fread(void* data, size_t size, size_t count, FILE* file) {
     GSH_NEXT(fread);
-    if (!settings().error || !must_fail("read", path_of(fileno(file)))) return real(data, size, count, file);
+    if (!must_fail("read", path_of(fileno(file))) || !settings().error) return real(data, size, count, file);
 #if defined(__GLIBC__)
     file->_flags |= 0x20; // what ferror asks for: the stream has failed
 #endif
