@@ -10,6 +10,7 @@
 #include <gsh/io/body/makehuman_curve.hpp>
 #include <gsh/io/body/makehuman_data.hpp>
 #include <gsh/io/body/makehuman_shapes.hpp>
+#include <gsh/io/file/folder_lock.hpp>
 
 #include <cstdint>
 #include <cstdio>
@@ -43,7 +44,7 @@ int make(BodyOptions options) {
     if (by_default) {
         options.out = default_body();
         check_value(!options.out.empty(), "--out", "is required where neither XDG_CACHE_HOME nor HOME is set");
-        std::filesystem::create_directories(options.out.parent_path());
+        create_folder(options.out.parent_path());
     }
     const MakeHumanData data = load_makehuman(options.makehuman);
     const MakeHumanShapes shapes = makehuman_shapes(data, options.params.people, options.params.seed);

@@ -10,6 +10,7 @@
 #include "video/fitting.hpp"
 
 #include <gsh/core/error.hpp>
+#include <gsh/io/file/folder_lock.hpp>
 
 #include <cstdio>
 #include <filesystem>
@@ -29,7 +30,7 @@ struct FitCommand {
     std::vector<std::filesystem::path> to;
 };
 
-/// The folder of detections: the one that was given, or that of the videos, which is made.
+/// The folder of detections: the one that was given, or that of the videos, which is to be made.
 std::filesystem::path detections_of(FitCommand& command, const std::vector<CLI::Option*>& of_videos) {
     if (command.inputs.size() == 1 && is_detector_folder(command.inputs[0])) {
         for (const CLI::Option* option : of_videos)
@@ -44,7 +45,6 @@ std::filesystem::path detections_of(FitCommand& command, const std::vector<CLI::
         folder.replace_extension(".detections");
     }
     command.detect.videos = command.inputs;
-    detect(command.detect, folder);
     return folder;
 }
 
@@ -71,6 +71,8 @@ int main(int argc, char** argv) {
         for (const auto& path : command.to) check_motion_output("--to", path);
         command.fit.body = body_or_default(command.fit.body); // before the detector, which takes minutes
         command.fit.detections = detections_of(command, of_videos);
+        const LockedFolder locked(command.fit.detections);
+        if (!command.detect.videos.empty()) detect(command.detect, command.fit.detections);
         const FittedCapture fitted = fit_capture(command.fit, command.to);
         for (const std::string& note : fitted.notes) std::printf("note: %s\n", note.c_str());
         std::string next = "gsh-check " + shell_word(command.fit.detections.string()) + " --body " +

@@ -14,6 +14,7 @@
 #include "video/video_report.hpp"
 
 #include <gsh/io/file/atomic_file.hpp>
+#include <gsh/io/file/folder_lock.hpp>
 #include <gsh/io/file/input_file.hpp>
 #include <gsh/reconstruct/resume.hpp>
 
@@ -66,7 +67,7 @@ int make(VideoOptions options) {
     const fs::path capture = options.out / "capture", check = options.out / "check", avatar = options.out / "avatar";
     const std::string programs = folder_of_programs().string() + "/";
     options.fit.body = body_or_default(options.fit.body); // before the detector, which takes minutes
-    fs::create_directories(options.out);
+    const LockedFolder locked(options.out), locked_capture(capture);
     if (options.preview && options.steps == 0) options.steps = 400;
 
     detect(options.detect, capture);

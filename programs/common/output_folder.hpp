@@ -34,7 +34,7 @@ public:
 
     /// The path to which the result `name` must be written. The name may contain a subfolder.
     [[nodiscard]] std::filesystem::path file(const std::string& name) {
-        make((staging_ / name).parent_path());
+        create_folder((staging_ / name).parent_path());
         names_.push_back(name);
         return staging_ / name;
     }
@@ -43,7 +43,8 @@ public:
     void own(const std::string& subfolder) { owned_.push_back(subfolder); }
 
     void commit() {
-        for (const std::string& name : names_) make((folder_ / name).parent_path()); // before any file is moved
+        for (const std::string& name : names_) // before any file is moved
+            create_folder((folder_ / name).parent_path());
         std::vector<FileMove> moves;
         for (const std::string& name : names_) moves.push_back({staging_ / name, folder_ / name});
         move_all(moves);
@@ -62,13 +63,6 @@ private:
         });
         std::error_code ignored;
         for (const auto& path : others) std::filesystem::remove(path, ignored);
-    }
-    static void make(const std::filesystem::path& folder) {
-        std::error_code error;
-        std::filesystem::create_directories(folder, error);
-        if (error || !std::filesystem::is_directory(folder))
-            throw IoError(folder.string() +
-                          ": cannot be created: " + (error ? error.message() : "a file is in the way"));
     }
 
     LockedFolder locked_;

@@ -14,6 +14,9 @@
 
 #include <CLI/CLI.hpp>
 
+#include <fcntl.h>
+#include <unistd.h>
+
 #include <array>
 #include <csignal>
 #include <cstddef>
@@ -37,6 +40,13 @@ inline void return_freed_arrays() {
 #endif
 }
 
+/// Opens /dev/null in the place of standard streams that are closed. A file that is written would take their number,
+/// and messages would go into it.
+inline void open_standard_streams() {
+    for (const int stream : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO})
+        if (::fcntl(stream, F_GETFD) < 0) (void)!::open("/dev/null", stream == STDIN_FILENO ? O_RDONLY : O_WRONLY);
+}
+
 /// Reads the command line into the options of `app`, to which --version is added.
 ///
 /// Errors  CLI::ParseError, also for --help and --version.
@@ -53,6 +63,7 @@ int run_program(CLI::App& app, int argc, char** argv, const Work& work) {
         std::fprintf(stderr, "%s: %s\n", app.get_name().c_str(), one_line(message).c_str());
         return exit_bad_input;
     };
+    open_standard_streams();
     return_freed_arrays();
     set_memory_aside();
     std::signal(SIGXFSZ, SIG_IGN); // a limit on file sizes then becomes an error of write, which has a message

@@ -21,6 +21,7 @@
 #include <gsh/io/capture/camera_file.hpp>
 #include <gsh/io/capture/detections.hpp>
 #include <gsh/io/file/atomic_file.hpp>
+#include <gsh/io/file/folder_lock.hpp>
 #include <gsh/io/image/image_file.hpp>
 #include <gsh/io/motion/motion_file.hpp>
 #include <gsh/math/spread.hpp>
@@ -139,12 +140,14 @@ MendedMasks mend_masks(const fs::path& folder, const Detections& detections, Loa
         std::error_code error;
         fs::remove_all(hiding, error), fs::remove_all(shown_bodies, error); // of a fit before this one
         if (!fs::exists(kept, error)) {
-            fs::create_directories(kept.parent_path());
-            fs::rename(from, kept);
-            fs::create_directories(from);
+            create_folder(kept.parent_path());
+            fs::rename(from, kept, error);
+            if (error) throw IoError(kept.string() + ": cannot be written: " + error.message());
+            create_folder(from);
         }
         for (std::size_t t = 0; t < T; ++t) {
             if (!detections.has_mask(c, t)) continue;
+            const std::string name = detections.masks[c][t].stem().string() + ".png"; // it may have been a JPEG
             PixelImage& mask = masks.images[c][t];
             const bool shows = std::any_of(mask.data.begin(), mask.data.end(), [](std::uint8_t v) { return v >= 128; });
             const auto believed = [&](const auto& body) { return body->believed(c, t); };
@@ -161,18 +164,18 @@ MendedMasks mend_masks(const fs::path& folder, const Detections& detections, Loa
                 if (std::all_of(claims.begin(), claims.end(), [](const MaskClaim& claim) { return claim.believed; })) {
                     PixelImage silhouettes(1, mask.height, mask.width);
                     silhouettes.data = image_of_claims(claims);
-                    fs::create_directories(shown_bodies);
-                    write_png(shown_bodies / (detections.masks[c][t].stem().string() + ".png"), silhouettes);
+                    create_folder(shown_bodies);
+                    write_file(shown_bodies / name, encode_png(silhouettes));
                 }
                 PixelImage hidden(1, mask.height, mask.width);
                 const MaskChange change = mend_mask(claims, mask.data, hidden.data, cut);
                 result.cut += change.removed > 0.01, result.hidden += change.hidden > 0.01;
                 if (change.hidden > 0) {
-                    fs::create_directories(hiding);
-                    write_png(hiding / (detections.masks[c][t].stem().string() + ".png"), hidden);
+                    create_folder(hiding);
+                    write_file(hiding / name, encode_png(hidden));
                 }
             }
-            write_png(from / (detections.masks[c][t].stem().string() + ".png"), mask); // it may have been a JPEG
+            write_file(from / name, encode_png(mask));
             shown.show(static_cast<double>(c * T + t + 1) / static_cast<double>(C * T), "");
         }
     }

@@ -3,9 +3,14 @@
 ///        calls are recorded. Only calls about files below a folder count. Variables of the environment:
 ///
 ///        GSH_FAIL_UNDER  the folder
-///        GSH_FAIL_CALL   open, read, write, fsync, rename, mkdir, close, unlink; thread or memory, which need no folder
+///        GSH_FAIL_IN     the program; others that it starts are left alone
+///        GSH_FAIL_CALL   open, read, write, fsync, rename, mkdir, close, unlink; thread, memory or clock, which need
+///                        no folder. With clock, each look at the clock finds it an hour earlier than the one before
 ///        GSH_FAIL_AT     n, from 1; with a + behind it, all calls from the n-th on
-///        GSH_FAIL_WITH   the number of an error (errno); 0 for a write or read of one byte only
+///        GSH_FAIL_WITH   the number of an error (errno); 0 for a write or read of one byte only. Below 0, the call is
+///                        made, but before it another process (so it seems) has changed the file: -1 takes the second
+///                        half of its bytes away, -2 changes all of them, -3 gives the folder GSH_FAIL_UNDER/out
+///                        another name
 ///        GSH_CALLS_LOG   a file to which each call adds a line: the kind, the path, for rename the second path. Of
 ///                        memory, only what fails, and at the end the number of allocations
 
@@ -16,6 +21,8 @@
 #include <stdio.h>
 #include <sys/stat.h>
 #include <sys/syscall.h>
+#include <sys/time.h>
+#include <time.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -43,7 +50,8 @@ std::string variable(const char* name) {
 }
 
 struct Settings {
-    std::string under = variable("GSH_FAIL_UNDER"), call = variable("GSH_FAIL_CALL");
+    bool here = variable("GSH_FAIL_IN").empty() || variable("GSH_FAIL_IN") == program_invocation_short_name;
+    std::string under = here ? variable("GSH_FAIL_UNDER") : "", call = here ? variable("GSH_FAIL_CALL") : "";
     long at = 0;
     bool and_later = false;
     int error = EIO;
@@ -55,7 +63,7 @@ struct Settings {
         and_later = !number.empty() && number.back() == '+';
         if (!with.empty()) error = std::atoi(with.c_str());
         const std::string path = variable("GSH_CALLS_LOG");
-        if (!path.empty())
+        if (!path.empty() && here)
             log = static_cast<int>(
                 syscall(SYS_openat, AT_FDCWD, path.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0600));
     }
@@ -89,11 +97,33 @@ std::string path_of(int descriptor) {
     return known ? paths()[static_cast<std::size_t>(descriptor)] : std::string();
 }
 
+/// What another process does to a file, or to the folder out, in the middle of a run. The system is called directly.
+void meddle(const std::string& path) {
+    const Settings& s = settings();
+    if (s.error == -3) {
+        const std::string out = s.under + "/out", gone = s.under + "/gone";
+        syscall(SYS_renameat2, AT_FDCWD, out.c_str(), AT_FDCWD, gone.c_str(), 0);
+        return;
+    }
+    const int file = static_cast<int>(syscall(SYS_openat, AT_FDCWD, path.c_str(), O_RDWR | O_CLOEXEC, 0));
+    struct stat found{};
+    if (file < 0 || ::fstat(file, &found) != 0) return;
+    if (s.error == -1) syscall(SYS_ftruncate, file, found.st_size / 2);
+    for (off_t at = 0; s.error == -2 && at < found.st_size;) {
+        char bytes[4096];
+        const auto count = syscall(SYS_pread64, file, bytes, sizeof bytes, at);
+        if (count <= 0) break;
+        for (char* byte = bytes; byte < bytes + count; ++byte) *byte = static_cast<char>(*byte ^ 0x15);
+        at += syscall(SYS_pwrite64, file, bytes, count, at);
+    }
+    syscall(SYS_close, file);
+}
+
 /// Records a call about a path below the folder. Returns whether it must fail.
 bool must_fail(const char* kind, const std::string& path, const std::string& second = {}) {
     const Settings& s = settings();
-    const bool thread = std::strcmp(kind, "thread") == 0;
-    if (!thread && !is_below(path) && !is_below(second)) return false;
+    const bool of_files = std::strcmp(kind, "thread") != 0 && std::strcmp(kind, "clock") != 0;
+    if (of_files && !is_below(path) && !is_below(second)) return false;
     bool fails = false;
     if (s.call == kind && s.at > 0) { // never "memory"
         const long n = ++calls;
@@ -103,6 +133,10 @@ bool must_fail(const char* kind, const std::string& path, const std::string& sec
         const std::string line =
             std::string(kind) + "\t" + path + (second.empty() ? "" : "\t" + second) + (fails ? "\t!" : "") + "\n";
         syscall(SYS_write, s.log, line.data(), line.size());
+    }
+    if (fails && s.error < 0) {
+        meddle(path);
+        return false;
     }
     return fails;
 }
@@ -217,7 +251,7 @@ ssize_t read(int descriptor, void* data, size_t size) {
 }
 size_t fread(void* data, size_t size, size_t count, FILE* file) {
     GSH_NEXT(fread);
-    if (!settings().error || !must_fail("read", path_of(fileno(file)))) return real(data, size, count, file);
+    if (!must_fail("read", path_of(fileno(file))) || !settings().error) return real(data, size, count, file);
 #if defined(__GLIBC__)
     file->_flags |= 0x20; // what ferror asks for: the stream has failed
 #endif
@@ -292,6 +326,28 @@ int unlink(const char* path) {
 int link(const char* from, const char* to) {
     GSH_NEXT(link);
     return must_fail("link", from, to) ? failed(-1) : real(from, to);
+}
+
+// Clocks that a person or a server of time can set back.
+int clock_gettime(clockid_t clock, struct timespec* time) {
+    GSH_NEXT(clock_gettime);
+    const int result = real(clock, time);
+    static std::atomic<long> looks{0};
+    if (clock == CLOCK_REALTIME && settings().call == "clock" && (must_fail("clock", ""), true))
+        time->tv_sec -= 3600 * ++looks;
+    return result;
+}
+time_t time(time_t* place) {
+    struct timespec now{};
+    clock_gettime(CLOCK_REALTIME, &now);
+    if (place) *place = now.tv_sec;
+    return now.tv_sec;
+}
+int gettimeofday(struct timeval* __restrict__ place, void* __restrict__) {
+    struct timespec now{};
+    clock_gettime(CLOCK_REALTIME, &now);
+    place->tv_sec = now.tv_sec, place->tv_usec = now.tv_nsec / 1000;
+    return 0;
 }
 
 int pthread_create(pthread_t* thread, const pthread_attr_t* attributes, void* (*start)(void*), void* argument) {

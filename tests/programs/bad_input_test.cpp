@@ -389,7 +389,7 @@ TEST_CASE("a disk that fills up leaves what was there, and nothing else") {
         return text.substr(text.size() < 2 ? 0 : text.rfind('\n', text.size() - 2) + 1);
     };
     const auto large = s.reconstruct(out, {"--steps", "1", "--set", "schedule.stored=1"}); // a checkpoint with tables
-    test::Outcome outcome = run(large, 2000);
+    test::Outcome outcome = run(large, "ulimit -f 2000 && exec");
     CHECK(outcome.code == 2);
     CHECK(last_line(outcome.err).starts_with("gsh-reconstruct: " + (out / "checkpoint.gsh").string()));
     CHECK(outcome.err == test::contains("File too large"));
@@ -398,7 +398,7 @@ TEST_CASE("a disk that fills up leaves what was there, and nothing else") {
     // The results of an earlier run stay unchanged.
     fs::create_directories(out);
     write_file(out / "metrics.json", "{}");
-    outcome = run(large, 2000);
+    outcome = run(large, "ulimit -f 2000 && exec");
     CHECK(outcome.code == 2);
     CHECK(test::files_below(out) == 1);
     CHECK(read_file(out / "metrics.json") == "{}");
@@ -413,13 +413,14 @@ TEST_CASE("a disk that fills up leaves what was there, and nothing else") {
     CHECK(read_file(out / "metrics.json") == "{}");
 
     outcome =
-        run({"gsh-render", s.scene, "--camera", s.camera, "--out", folder / "a.png", "--npy", folder / "a.npy"}, 20);
+        run({"gsh-render", s.scene, "--camera", s.camera, "--out", folder / "a.png", "--npy", folder / "a.npy"},
+            "ulimit -f 20 && exec");
     check_refused(outcome, "gsh-render", {"a.npy", "File too large"});
     CHECK(folder.file_count() == 0);
-    outcome = run({"gsh-render", s.scene, "--camera", s.camera, "--out", folder / "a.png"}, 1);
+    outcome = run({"gsh-render", s.scene, "--camera", s.camera, "--out", folder / "a.png"}, "ulimit -f 1 && exec");
     check_refused(outcome, "gsh-render", {"a.png", "File too large"});
     CHECK(folder.file_count() == 0);
-    outcome = run({"gsh-animate", s.avatar, "--poses", s.dance, "--out", folder / "frames"}, 2);
+    outcome = run({"gsh-animate", s.avatar, "--poses", s.dance, "--out", folder / "frames"}, "ulimit -f 2 && exec");
     CHECK(outcome.code == 2);
     CHECK(last_line(outcome.err).starts_with("gsh-animate: "));
     CHECK(!fs::exists(folder / "frames"));

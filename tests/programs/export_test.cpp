@@ -306,7 +306,7 @@ TEST_CASE("frames become a folder of numbered files, whole or not at all") {
     // On a full disk nothing remains.
     CHECK(run({"gsh-export", s.avatar.string(), "--to", (s.folder / "full.ply").string(), "--poses", s.dance.string(),
                "--frames", "0:2"},
-              200)
+              "ulimit -f 200 && exec")
               .code == 2);
     CHECK(!fs::exists(s.folder / "full"));
     CHECK(!fs::exists(s.folder / "full.partial"));

@@ -21,10 +21,15 @@ namespace gsh::test {
 
 /// A call to the system that fails.
 struct FailingCall {
-    std::string kind;       ///< "open", "read", "write", "fsync", "rename", "mkdir", "close", "thread", "memory"
+    std::string kind;       ///< "open", "read", "write", "fsync", "rename", "mkdir", "close", "thread", "memory", "clock"
     std::size_t at = 0;     ///< the n-th; 0: none
-    int error = 0;          ///< errno; 0 for a write of one byte only
+    int error = 0;          ///< errno; 0 for a write of one byte only; or one of those below
     bool and_later = false; ///< all after it, too
+
+    // The call is made, but before it another process changes what it is about.
+    static constexpr int file_is_cut = -1;     ///< the file loses the second half of its bytes
+    static constexpr int file_is_changed = -2; ///< all of its bytes are others
+    static constexpr int out_vanishes = -3;    ///< the folder out/ gets another name
 
     [[nodiscard]] std::string text() const {
         return kind + " " + std::to_string(at) + (and_later ? "+" : "") + " with error " + std::to_string(error);
@@ -57,29 +62,43 @@ struct CalledOutcome {
     }
 };
 
+/// Lets calls about files below `folder` fail in `program`, if it is started while this exists.
+class FailingSystem {
+public:
+    FailingSystem(const std::string& program, const std::filesystem::path& folder, const FailingCall& failing)
+        : under_("GSH_FAIL_UNDER", folder.string()), in_("GSH_FAIL_IN", program),
+          log_("GSH_CALLS_LOG", (records_ / "calls").string()), call_("GSH_FAIL_CALL", failing.kind),
+          at_("GSH_FAIL_AT", std::to_string(failing.at) + (failing.and_later ? "+" : "")),
+          with_("GSH_FAIL_WITH", std::to_string(failing.error)) {}
+
+    /// What was called so far.
+    [[nodiscard]] std::vector<RecordedCall> calls() const {
+        std::vector<RecordedCall> calls;
+        if (!std::filesystem::exists(records_ / "calls")) return calls;
+        std::istringstream lines(read_file(records_ / "calls"));
+        for (std::string line; std::getline(lines, line);) {
+            std::istringstream fields(line);
+            RecordedCall recorded;
+            std::getline(fields, recorded.kind, '\t');
+            std::getline(fields, recorded.path, '\t');
+            for (std::string field; std::getline(fields, field, '\t');)
+                field == "!" ? void(recorded.failed = true) : void(recorded.second = field);
+            calls.push_back(recorded);
+        }
+        return calls;
+    }
+
+private:
+    Temporary records_;
+    Variable library_{"LD_PRELOAD", GSH_FAILING_CALLS}, under_, in_, log_, call_, at_, with_;
+};
+
 /// Runs a program in which a call about a file below `folder` fails.
 inline CalledOutcome run_failing(const std::vector<std::string>& words, const std::filesystem::path& folder,
                                  const FailingCall& failing) {
-    const Temporary records;
-    CalledOutcome result;
-    {
-        const Variable library("LD_PRELOAD", GSH_FAILING_CALLS), under("GSH_FAIL_UNDER", folder.string()),
-            log("GSH_CALLS_LOG", (records / "calls").string()), call("GSH_FAIL_CALL", failing.kind),
-            at("GSH_FAIL_AT", std::to_string(failing.at) + (failing.and_later ? "+" : "")),
-            with("GSH_FAIL_WITH", std::to_string(failing.error));
-        result.outcome = run(words);
-    }
-    if (!std::filesystem::exists(records / "calls")) return result;
-    std::istringstream lines(read_file(records / "calls"));
-    for (std::string line; std::getline(lines, line);) {
-        std::istringstream fields(line);
-        RecordedCall recorded;
-        std::getline(fields, recorded.kind, '\t');
-        std::getline(fields, recorded.path, '\t');
-        for (std::string field; std::getline(fields, field, '\t');)
-            field == "!" ? void(recorded.failed = true) : void(recorded.second = field);
-        result.calls.push_back(recorded);
-    }
+    const FailingSystem system(words[0], folder, failing);
+    CalledOutcome result{run(words), {}};
+    result.calls = system.calls();
     return result;
 }
 

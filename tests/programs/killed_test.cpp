@@ -1,19 +1,24 @@
 // SPDX-License-Identifier: Apache-2.0
-/// gsh-reconstruct and gsh-evaluate are killed at random moments: what goes on ends with the bytes of an undisturbed
-/// run, and no stray file remains. GSH_KILLS=1000 is the long form; by default there are 25 kills.
+/// gsh-reconstruct and gsh-evaluate are killed at random moments: what goes on begins at the last checkpoint, ends with
+/// the bytes of an undisturbed run, and no stray file remains. GSH_KILLS=1000 is the long form; by default there are 25
+/// kills.
 #include "programs/failing_calls.hpp"
 #include "programs/process.hpp"
+#include "programs/reported_steps.hpp"
 #include "programs/small_capture.hpp"
 #include "support/contains.hpp"
 
 #include <gsh/core/rng.hpp>
 #include <gsh/io/file/npz.hpp>
+#include <gsh/reconstruct/resume.hpp>
 
 #include <nlohmann/json.hpp>
 
+#include <algorithm>
 #include <chrono>
 #include <csignal>
 #include <cstddef>
+#include <cstdint>
 #include <cstdlib>
 #include <filesystem>
 #include <functional>
@@ -103,20 +108,33 @@ void kill_again_and_again(const KilledCommand& command, std::size_t kills, std::
     test::check_done(test::run(command.words(whole, false)));
     const double duration = std::chrono::duration<double>(Clock::now() - start).count();
     Rng random(seed);
-    std::size_t killed = 0, finished = 0, with_partial = 0;
+    std::size_t killed = 0, finished = 0, with_partial = 0, resumed = 0;
+    std::uint64_t reached = 0; // the last step that a run has reported
+    // A checkpoint is written after each step, once the step is reported. So at most one step is lost.
+    const auto check_begin = [&](const std::vector<test::ReportedStep>& steps) {
+        if (steps.empty()) return;
+        const std::uint64_t begun = steps.front().step - 1;
+        if (begun + 1 < reached || begun > reached)
+            FAIL_CHECK(command.name << " goes on after step " << begun << ", and had reached step " << reached);
+        resumed += begun > 0;
+        reached = steps.back().step;
+    };
     while (killed < kills) {
+        test::ReportedSteps reports;
         test::Process process(command.words(out, command.is_begun(out)));
         std::this_thread::sleep_for(std::chrono::duration<double>(random.uniform(0, 1.05) * duration));
         process.send(SIGKILL);
         const test::Outcome outcome = process.wait();
+        check_begin(reports.take());
         if (outcome.code == -SIGKILL) {
-            ++killed;
+            if (++killed % 100 == 0) std::cout << command.name << ": " << killed << " kills" << std::endl;
         } else { // it was faster
             INFO(outcome.err);
             CHECK(outcome.code == 0);
             ++finished;
             check_same_results(whole, out);
             fs::remove_all(out);
+            reached = 0;
             continue;
         }
         bool partial = false;
@@ -129,12 +147,16 @@ void kill_again_and_again(const KilledCommand& command, std::size_t kills, std::
         }
         with_partial += partial;
     }
+    test::ReportedSteps reports;
     const test::Outcome last = test::run(command.words(out, command.is_begun(out)));
     INFO(last.err);
     CHECK(last.code == 0);
+    check_begin(reports.take());
     check_same_results(whole, out);
     std::cout << command.name << ": killed " << killed << " times (" << with_partial
-              << " in the middle of a file), finished in between " << finished << " times" << std::endl;
+              << " in the middle of a file), went on from a checkpoint " << resumed << " times, finished in between "
+              << finished << " times" << std::endl;
+    if (kills >= 100) CHECK(resumed > 0);
 }
 
 } // namespace
@@ -145,6 +167,38 @@ TEST_CASE("killed at random moments, programs go on and end with the same bytes"
     const auto commands = killed_commands();
     kill_again_and_again(commands[0], kills - kills * 2 / 5, 5401);
     kill_again_and_again(commands[1], kills * 2 / 5, 5402);
+}
+
+TEST_CASE("a killed run has lost at most the seconds between two checkpoints") {
+    const test::SmallCapture& s = test::studio();
+    const test::Temporary folder;
+    constexpr double interval = 0.2; // seconds of training
+    double most = 0;
+    for (const double moment : {5.3, 7.9, 10.5}) { // in intervals
+        const fs::path out = folder / "out";
+        fs::remove_all(out);
+        test::ReportedSteps reports;
+        std::vector<test::ReportedStep> steps;
+        test::Process process(s.reconstruct(out, {"--steps", "100000", "--checkpoint-interval", "0.2"}));
+        REQUIRE(process.wait_until([&] {
+            for (const test::ReportedStep& step : reports.take()) steps.push_back(step);
+            return !steps.empty() && steps.back().seconds() > moment * interval;
+        }));
+        process.send(SIGKILL);
+        CHECK(process.wait().code == -SIGKILL);
+        for (const test::ReportedStep& step : reports.take()) steps.push_back(step);
+        double longest = 0;
+        for (std::size_t i = 1; i < steps.size(); ++i)
+            longest = std::max(longest, steps[i].seconds() - steps[i - 1].seconds());
+        std::string damage;
+        const NpzReader checkpoint(whole_checkpoint(out / "checkpoint.gsh", damage));
+        const double lost = steps.back().seconds() - checkpoint.read_number<double>("seconds");
+        CAPTURE(longest);
+        CHECK(lost < interval + 2 * longest);
+        most = std::max(most, lost);
+    }
+    std::cout << "at most " << most << " s of training are lost, of checkpoints every " << interval << " s"
+              << std::endl;
 }
 
 TEST_CASE("a damaged checkpoint is named, and the one before it is used") {

@@ -59,12 +59,11 @@ private:
 /// A running program.
 class Process {
 public:
-    /// `words` are the program's name and its arguments. Files that it writes may hold at most `file_blocks` blocks of
-    /// 512 bytes, as on a full disk.
-    explicit Process(std::vector<std::string> words, long file_blocks = 0) : name_(words[0]) {
+    /// `words` are the program's name and its arguments. `before` is what a shell has before them: with "ulimit -f 20 &&
+    /// exec", files hold at most 20 blocks of 512 bytes, as on a full disk; "cat FILE |" is a pipe.
+    explicit Process(std::vector<std::string> words, const std::string& before = {}) : name_(words[0]) {
         words[0] = std::string(GSH_PROGRAM_DIR "/") + name_;
-        if (file_blocks > 0)
-            words.insert(words.begin(), {"/bin/sh", "-c", "ulimit -f $0 && exec \"$@\"", std::to_string(file_blocks)});
+        if (!before.empty()) words.insert(words.begin(), {"/bin/sh", "-c", before + " \"$0\" \"$@\""});
         std::vector<char*> arguments;
         for (std::string& word : words) arguments.push_back(word.data());
         arguments.push_back(nullptr);
@@ -122,8 +121,8 @@ private:
     pid_t id_ = 0;
 };
 
-[[nodiscard]] inline Outcome run(std::vector<std::string> words, long file_blocks = 0) {
-    return Process(std::move(words), file_blocks).wait();
+[[nodiscard]] inline Outcome run(std::vector<std::string> words, const std::string& before = {}) {
+    return Process(std::move(words), before).wait();
 }
 
 /// Checks that the program succeeded and printed no error or warning. Progress is allowed.

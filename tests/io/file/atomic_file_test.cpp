@@ -124,6 +124,12 @@ TEST_CASE("a symbolic link keeps pointing where it did") {
     write_file(folder / "link", "new");
     CHECK(std::filesystem::is_symlink(folder / "link"));
     CHECK(read_file(folder / "real") == "new");
+    std::filesystem::create_symlink("later", folder / "early"); // to a file that is not there yet
+    write_file(folder / "early", "new");
+    CHECK(std::filesystem::is_symlink(folder / "early"));
+    CHECK(read_file(folder / "later") == "new");
+    std::filesystem::create_symlink("round", folder / "round");
+    test::check_throws<IoError>([&] { write_file(folder / "round", "x"); }, {"round: cannot be followed"});
 }
 
 TEST_CASE("paths that cannot be written or read") {

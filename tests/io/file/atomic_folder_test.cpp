@@ -55,6 +55,21 @@ TEST_CASE("of two processes the second is refused, and nothing of the first is r
     CHECK(!fs::exists(place / "walk.lock"));
 }
 
+TEST_CASE("a symbolic link to a folder is kept, and the folder is replaced") {
+    const test::Temporary place;
+    fs::create_directories(place / "real");
+    write_file(place / "real/frame_0", "old");
+    fs::create_directory_symlink("real", place / "walk");
+    {
+        AtomicFolder folder(place / "walk", is_frame);
+        write_file(folder.file("frame_1"), "new");
+        folder.commit();
+    }
+    CHECK(fs::is_symlink(place / "walk"));
+    CHECK(!fs::exists(place / "real/frame_0"));
+    CHECK(read_file(place / "real/frame_1") == "new");
+}
+
 TEST_CASE("without a commit nothing changes") {
     const test::Temporary place;
     fs::create_directory(place / "walk");

@@ -3,6 +3,9 @@
 
 #include "io/temporary.hpp"
 
+#include <sys/resource.h>
+#include <unistd.h>
+
 #include <cerrno>
 #include <filesystem>
 #include <set>
@@ -42,4 +45,25 @@ TEST_CASE("a folder is removed with all that is in it, and nothing that it links
     CHECK(!fs::is_symlink(folder / "link"));
     CHECK(fs::exists(folder / "kept/file"));
     detail::remove_tree(folder / "none");
+}
+
+TEST_CASE("a folder is removed where one more file may be opened") {
+    const test::Temporary folder;
+    fs::create_directories(folder / "tree/a/b/c");
+    fs::create_directories(folder / "tree/d");
+    fs::create_directories(folder / "kept");
+    for (const char* name : {"tree/x", "tree/a/y", "tree/a/b/c/z", "tree/d/u", "kept/file"})
+        write_file(folder / name, "x", Sync::none);
+    fs::create_directory_symlink(folder / "kept", folder / "tree/a/link");
+    const int next = ::dup(STDIN_FILENO); // the least number that is free
+    REQUIRE(next > 0);
+    ::close(next);
+    rlimit before{};
+    REQUIRE(::getrlimit(RLIMIT_NOFILE, &before) == 0);
+    const rlimit limit{static_cast<rlim_t>(next) + 1, before.rlim_max};
+    REQUIRE(::setrlimit(RLIMIT_NOFILE, &limit) == 0);
+    detail::remove_tree(folder / "tree");
+    REQUIRE(::setrlimit(RLIMIT_NOFILE, &before) == 0);
+    CHECK(!fs::exists(folder / "tree"));
+    CHECK(fs::exists(folder / "kept/file"));
 }

@@ -21,3 +21,16 @@ TEST_CASE("a full path has neither dots nor links, and may lead to what does not
     fs::create_symlink("round", root / "round");
     test::check_throws<IoError>([&] { (void)full_path(root / "round/a"); }, {"round/a: cannot be followed"});
 }
+
+TEST_CASE("links at the end of a path are followed, also to what does not exist") {
+    const test::Temporary folder;
+    const fs::path root = fs::canonical(folder / "");
+    fs::create_directory(root / "a");
+    fs::create_symlink("a/none", root / "first");
+    fs::create_symlink(root / "first", root / "second");
+    CHECK(followed(root / "second") == root / "a/none");
+    CHECK(followed(root / "none") == root / "none");
+    CHECK(followed("none") == "none");
+    fs::create_symlink("round", root / "round");
+    test::check_throws<IoError>([&] { (void)followed(root / "round"); }, {"round: cannot be followed"});
+}

@@ -21,6 +21,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <chrono>
 #include <cstdio>
 #include <string>
 #include <thread>
@@ -126,8 +127,18 @@ TEST_CASE("a folder, a missing file and a pipe are told apart") {
     std::thread writer = feed("whole");
     CHECK(read_file(pipe) == "whole"); // what is read from its beginning to its end may come from a pipe
     writer.join();
-    writer = feed(""); // whoever writes to a pipe that nobody reads any more is ended by SIGPIPE
+    writer = feed("x"); // which is read before the next line goes on
     check_throws<IoError>([&] { (void)InputStream(pipe).size(); }, {"pipe: is a pipe", "store it in a file"});
+    writer.join();
+    check_throws<IoError>([&] { (void)read_file(pipe); }, {"pipe: is a pipe that nobody writes to"}); // after 2 seconds
+    writer = std::thread([&pipe] { // it comes later than the reader, and pauses
+        std::this_thread::sleep_for(std::chrono::milliseconds(200));
+        std::FILE* const stream = std::fopen(pipe.c_str(), "wb");
+        std::this_thread::sleep_for(std::chrono::milliseconds(200));
+        std::fputs("late", stream);
+        std::fclose(stream);
+    });
+    CHECK(read_file(pipe) == "late");
     writer.join();
     // Archives, Gaussians and motions are looked at more than once: their readers refuse a pipe before they open it.
     check_throws<IoError>([&] { NpzReader reader(pipe); }, {"pipe: is a pipe"});

@@ -6,6 +6,7 @@
 #include <gsh/io/file/disk_sync.hpp>
 #include <gsh/io/file/exchange.hpp>
 #include <gsh/io/file/folder_lock.hpp>
+#include <gsh/io/file/full_path.hpp>
 
 #include <fcntl.h>
 #include <sys/stat.h>
@@ -90,12 +91,8 @@ inline void write_file(const std::filesystem::path& path, std::string_view text,
 
 // -------------------------------------------------------------------------------------------------------------
 
-inline AtomicFile::AtomicFile(std::filesystem::path path) : path_(std::move(path)), target_(path_) {
+inline AtomicFile::AtomicFile(std::filesystem::path path) : path_(std::move(path)), target_(followed(path_)) {
     std::error_code error;
-    if (std::filesystem::is_symlink(path_, error)) {
-        const auto resolved = std::filesystem::weakly_canonical(path_, error);
-        if (!error) target_ = resolved;
-    }
     const auto status = std::filesystem::status(target_, error);
     if (std::filesystem::is_directory(status)) fail("cannot be written", EISDIR);
     const bool direct = std::filesystem::exists(status) && !std::filesystem::is_regular_file(status);

@@ -7,6 +7,7 @@
 #include <gsh/io/file/exchange.hpp>
 #include <gsh/io/file/folder_entries.hpp>
 #include <gsh/io/file/folder_lock.hpp>
+#include <gsh/io/file/full_path.hpp>
 
 #include <filesystem>
 #include <functional>
@@ -20,14 +21,14 @@ namespace gsh {
 /// Collects files in a folder beside the target (`NAME.partial`). On commit it takes the place of `NAME` in one step.
 /// Where the file system cannot exchange two names, `NAME` is `NAME.old` for a moment. All files are on disk before.
 /// Without a commit it is removed, and a folder that was there stays as it is. `NAME.lock` is there meanwhile
-/// (FileLock): of two processes, the second is refused.
+/// (FileLock): of two processes, the second is refused. If `NAME` is a link, it is kept, and what it leads to is meant.
 ///
 /// Errors  IoError naming the path. A folder with one of these three names that is in the way is removed only if all of
 ///         its entries are files that `may_replace` accepts, so that nobody loses other files.
 class AtomicFolder {
 public:
     AtomicFolder(std::filesystem::path folder, std::function<bool(const std::string& name)> may_replace)
-        : folder_(without_slash(std::move(folder))), staging_(folder_.string() + ".partial"),
+        : folder_(followed(without_slash(std::move(folder)))), staging_(folder_.string() + ".partial"),
           old_(folder_.string() + ".old"), may_replace_(std::move(may_replace)), parents_(folder_of(folder_)),
           lock_(folder_.string() + ".lock", folder_.string()) {
         for (const auto& path : {folder_, staging_, old_}) check_replaceable(path);

@@ -7,6 +7,8 @@
 #include <unistd.h>
 
 #include <cerrno>
+#include <climits>
+#include <cstddef>
 #include <cstring>
 #include <filesystem>
 #include <memory>
@@ -55,15 +57,59 @@ inline void remove_entries(DIR* folder) noexcept {
     }
 }
 
-/// Removes a folder and all that is in it; a link or a file in its place is removed, too. Takes no memory but the
-/// system's, so that destructors may call it. What fails is tried once more, since the reason may have passed, such as
-/// too many open files. What cannot be removed stays.
-inline void remove_tree(const std::filesystem::path& folder) noexcept {
-    for (int attempt = 0; attempt < 2; ++attempt) {
-        if (::unlink(folder.c_str()) == 0) return;
-        if (const OpenFolder open(::opendir(folder.c_str())); open) remove_entries(open.get());
-        if (::rmdir(folder.c_str()) == 0 || errno == ENOENT) return;
+/// The path of a folder, which a call takes apart and puts together without memory.
+struct FolderPath {
+    char text[PATH_MAX];
+    std::size_t size = 0;
+
+    /// Returns false if the name does not fit.
+    [[nodiscard]] bool append(const char* name) noexcept {
+        const std::size_t length = std::strlen(name);
+        if (size + length + 2 > sizeof text) return false;
+        if (size > 0) text[size++] = '/';
+        std::memcpy(text + size, name, length + 1);
+        size += length;
+        return true;
     }
+    void shorten(std::size_t to) noexcept {
+        size = to;
+        text[size] = '\0';
+    }
+};
+
+/// The same where the system opens no second folder: one is open at a time. Returns whether the folder is gone.
+inline bool remove_folder(FolderPath& folder) noexcept {
+    const std::size_t size = folder.size;
+    while (true) {
+        const int here = ::open(folder.text, O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
+        OpenFolder open(here < 0 ? nullptr : ::fdopendir(here));
+        if (!open) {
+            if (here >= 0) ::close(here);
+            return false;
+        }
+        bool has_folder = false;
+        while (const dirent* const entry = next_entry(open.get()))
+            if (::unlinkat(here, entry->d_name, 0) != 0 && (errno == EISDIR || errno == EPERM)) {
+                has_folder = folder.append(entry->d_name);
+                break;
+            }
+        open.reset();
+        if (!has_folder) return ::rmdir(folder.text) == 0;
+        const bool gone = remove_folder(folder);
+        folder.shorten(size);
+        if (!gone) return false;
+    }
+}
+
+/// Removes a folder and all that is in it; a link or a file in its place is removed, too. Takes no memory but the
+/// system's, so that destructors may call it. Where too many files are open, one more suffices. What cannot be removed
+/// stays.
+inline void remove_tree(const std::filesystem::path& folder) noexcept {
+    if (::unlink(folder.c_str()) == 0) return;
+    if (const OpenFolder open(::opendir(folder.c_str())); open) remove_entries(open.get());
+    if (::rmdir(folder.c_str()) == 0 || errno == ENOENT) return;
+    FolderPath path;
+    if (path.append(folder.c_str())) (void)remove_folder(path);
 }
 
 } // namespace gsh::detail

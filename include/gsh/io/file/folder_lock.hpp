@@ -47,6 +47,11 @@ private:
     int descriptor_ = -1;
 };
 
+/// Creates a folder and those above it, where they are missing.
+///
+/// Errors  IoError, naming the folder, if it cannot be created.
+inline void create_folder(const std::filesystem::path& folder);
+
 /// Creates a folder and those above it that are missing. The destructor removes the ones that were missing, if they are
 /// empty; an error in the constructor does so, too.
 ///
@@ -138,15 +143,19 @@ inline FileLock::FileLock(std::filesystem::path path, const std::string& what) :
         return; // on a full disk; the lock holds without a name
 }
 
+inline void create_folder(const std::filesystem::path& folder) {
+    std::error_code error, ignored;
+    std::filesystem::create_directories(folder, error);
+    if (error || !std::filesystem::is_directory(folder, ignored))
+        throw IoError(folder.string() + ": cannot be created: " + (error ? error.message() : "a file is in the way"));
+}
+
 inline CreatedFolders::CreatedFolders(const std::filesystem::path& folder) {
     std::error_code error;
     for (auto place = folder; !place.empty() && !std::filesystem::exists(place, error); place = place.parent_path())
         missing_.push_back(place);
     try {
-        std::filesystem::create_directories(folder, error);
-        if (error || !std::filesystem::is_directory(folder))
-            throw IoError(folder.string() +
-                          ": cannot be created: " + (error ? error.message() : "a file is in the way"));
+        create_folder(folder);
     } catch (...) {
         remove();
         throw;

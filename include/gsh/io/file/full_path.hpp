@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  Full paths, with errors of gsh.
+/// @file  Full paths, and what links lead to, with errors of gsh.
 #pragma once
 
 #include <gsh/core/error.hpp>
@@ -21,6 +21,24 @@ namespace gsh {
     if (error == std::errc::not_enough_memory) throw std::bad_alloc();
     if (error) throw IoError(path.string() + ": cannot be followed: " + error.message());
     return full;
+}
+
+/// What a path leads to, be it there or not. Links at its end are followed; std::filesystem does not follow those that
+/// lead to nothing.
+///
+/// Errors  as full_path.
+[[nodiscard]] inline std::filesystem::path followed(std::filesystem::path path) {
+    constexpr int most = 40; // as Linux
+    const std::filesystem::path given = path;
+    for (int links = 0;; ++links) {
+        std::error_code error;
+        if (!std::filesystem::is_symlink(path, error)) return path;
+        const std::filesystem::path next = std::filesystem::read_symlink(path, error);
+        if (error == std::errc::not_enough_memory) throw std::bad_alloc();
+        if (!error && links == most) error = std::make_error_code(std::errc::too_many_symbolic_link_levels);
+        if (error) throw IoError(given.string() + ": cannot be followed: " + error.message());
+        path = path.parent_path() / next; // an absolute path replaces what is before it
+    }
 }
 
 } // namespace gsh

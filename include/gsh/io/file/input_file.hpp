@@ -4,8 +4,12 @@
 
 #include <gsh/core/error.hpp>
 
+#include <fcntl.h>
+#include <unistd.h>
+
 #include <algorithm>
 #include <cerrno>
+#include <chrono>
 #include <concepts>
 #include <cstddef>
 #include <cstdio>
@@ -16,6 +20,7 @@
 #include <string>
 #include <string_view>
 #include <system_error>
+#include <thread>
 #include <type_traits>
 #include <utility>
 
@@ -120,13 +125,37 @@ inline void check_no_pipe(const InputFile& file) {
 
 // -------------------------------------------------------------------------------------------------------------
 
+namespace detail {
+
+/// Opens a file. A pipe is opened once somebody writes to it, because fopen would wait for that without end, as for a
+/// named pipe among the images of a capture.
+/// Errors  null, and errno; IoError for a pipe that nobody writes to within two seconds.
+inline std::FILE* open_input(const std::filesystem::path& path) {
+    std::error_code ignored;
+    if (!std::filesystem::is_fifo(path, ignored)) return std::fopen(path.c_str(), "rbe");
+    const int descriptor = ::open(path.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC);
+    if (descriptor < 0) return nullptr;
+    const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(2);
+    char first = 0;
+    ssize_t count = 0; // 0: the end, or nobody writes yet; below 0: somebody does, but nothing has come
+    while ((count = ::read(descriptor, &first, 1)) == 0 && std::chrono::steady_clock::now() < end)
+        std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    std::FILE* const file = count != 0 && ::fcntl(descriptor, F_SETFL, 0) == 0 ? ::fdopen(descriptor, "rb") : nullptr;
+    if (!file) ::close(descriptor);
+    if (count == 0) throw IoError(path.string() + ": is a pipe that nobody writes to");
+    if (file && count > 0) std::ungetc(static_cast<unsigned char>(first), file);
+    return file;
+}
+
+} // namespace detail
+
 inline InputStream::InputStream(const InputFile& file) : path_(file.path()) {
     if (file.contents()) {
         contents_ = *file.contents();
         return;
     }
     if (file.is_folder()) throw IoError(file.name() + ": is a directory, expected a file");
-    file_.reset(std::fopen(path_.c_str(), "rbe"));
+    file_.reset(detail::open_input(path_));
     if (!file_) throw IoError(file.name() + ": cannot be opened: " + std::generic_category().message(errno));
 }
 
