@@ -59,36 +59,68 @@ class Table(InFolder):
         self.assertEqual(subjects["ann"].capture, "a,b")
 
     def test_mistakes_name_table_line_column_found_and_expected(self):
-        self.refuse("name,capture\na/b,c\n", "people.csv: line 2, column name: found 'a/b', expected 1 to 100 letters "
-                    "without accents, digits, '_', '-' and '.', of which the first is a letter or digit")
-        self.refuse("name,capture\n\n,c\n", "people.csv: line 3, column name: found nothing, expected a name for each "
-                    "subject")
-        self.refuse("name,capture\na,c\na,d\n", "people.csv: line 3, column name: found 'a' a second time, expected "
-                    "another name for each subject")
-        self.refuse("name,capture,findings\na,c,never\n", "people.csv: line 2, column findings: found 'never', expected "
-                    "stop or ignore")
-        self.refuse("name,capture,option\na,c,d\n", "people.csv: line 1: found the column option, expected some of name, "
-                    "capture, video, body, poses, options, formats, findings")
-        self.refuse("name,capture,video\na,c,d\n", "people.csv: line 2, column capture: found a video, too, expected a "
-                    "capture, or a video in column video")
-        self.refuse("name,capture\na,\n", "people.csv: line 2, column capture: found nothing, expected a capture, or a "
-                    "video in column video")
-        self.refuse("name,video,poses\na,v,p\n", "people.csv: line 2, column poses: found 'p', expected nothing, because "
-                    "poses are fitted to a video")
-        self.refuse('name,capture,poses\na,c,"p.npz,q/p.npz"\n', "people.csv: line 2, column poses: found "
-                    "'p.npz,q/p.npz', expected files of different names, because avatars are named after them")
-        self.refuse("name,capture,options\na,c,--set 'b\n", "people.csv: line 2, column options: found \"--set 'b\" (No "
-                    "closing quotation), expected words as in a command line")
-        self.refuse("name,capture,formats\na,c,spz spz\n", "people.csv: line 2, column formats: found 'spz spz', expected "
-                    "each format once")
-        self.refuse("name,capture\na,b,c\n", "people.csv: line 2: found 3 cells, expected 2, as many as line 1 has "
-                    "columns; put quotes around a cell that holds the separator")
+        self.refuse(
+            "name,capture\na/b,c\n",
+            "people.csv: line 2, column name: found 'a/b', expected 1 to 100 letters "
+            "without accents, digits, '_', '-' and '.', of which the first is a letter or digit",
+        )
+        self.refuse(
+            "name,capture\n\n,c\n", "people.csv: line 3, column name: found nothing, expected a name for each subject"
+        )
+        self.refuse(
+            "name,capture\na,c\na,d\n",
+            "people.csv: line 3, column name: found 'a' a second time, expected another name for each subject",
+        )
+        self.refuse(
+            "name,capture,findings\na,c,never\n",
+            "people.csv: line 2, column findings: found 'never', expected stop or ignore",
+        )
+        self.refuse(
+            "name,capture,option\na,c,d\n",
+            "people.csv: line 1: found the column option, expected some of name, "
+            "capture, video, body, poses, options, formats, findings",
+        )
+        self.refuse(
+            "name,capture,video\na,c,d\n",
+            "people.csv: line 2, column capture: found a video, too, expected a capture, or a video in column video",
+        )
+        self.refuse(
+            "name,capture\na,\n",
+            "people.csv: line 2, column capture: found nothing, expected a capture, or a video in column video",
+        )
+        self.refuse(
+            "name,video,poses\na,v,p\n",
+            "people.csv: line 2, column poses: found 'p', expected nothing, because poses are fitted to a video",
+        )
+        self.refuse(
+            'name,capture,poses\na,c,"p.npz,q/p.npz"\n',
+            "people.csv: line 2, column poses: found "
+            "'p.npz,q/p.npz', expected files of different names, because avatars are named after them",
+        )
+        self.refuse(
+            "name,capture,options\na,c,--set 'b\n",
+            'people.csv: line 2, column options: found "--set \'b" (No '
+            "closing quotation), expected words as in a command line",
+        )
+        self.refuse(
+            "name,capture,formats\na,c,spz spz\n",
+            "people.csv: line 2, column formats: found 'spz spz', expected each format once",
+        )
+        self.refuse(
+            "name,capture\na,b,c\n",
+            "people.csv: line 2: found 3 cells, expected 2, as many as line 1 has "
+            "columns; put quotes around a cell that holds the separator",
+        )
         self.refuse("name,capture,name\na,b,c\n", "people.csv: line 1: found a column twice, expected each once")
-        self.refuse("name,capture\n", "people.csv: found no row, expected a row of column names and at least one subject "
-                    "below it")
+        self.refuse(
+            "name,capture\n",
+            "people.csv: found no row, expected a row of column names and at least one subject below it",
+        )
         self.refuse("", "people.csv: found no row, expected a row of column names and at least one subject below it")
         self.refuse(b"name,capture\na,\xff\n", "people.csv: byte 15: found no UTF-8, expected a table in UTF-8")
-        self.refuse("name,capture\na,b\n", "people.xlsx: found the ending '.xlsx', expected a table .csv or .tsv", ".xlsx")
+        self.refuse(
+            "name,capture\na,b\n", "people.xlsx: found the ending '.xlsx', expected a table .csv or .tsv", ".xlsx"
+        )
 
     def test_settings_are_checked_and_have_defaults(self):
         config = {"export": {"formats": "spz"}}
@@ -135,10 +167,13 @@ class Stage(InFolder):
             self.assertEqual((self.folder / "runs").read_text().count("run"), runs)
 
     def test_kills_and_lack_of_memory_are_tried_again(self):
-        for script, line in (("kill -KILL $$", "killed by SIGKILL, probably for a lack of memory"),
-                             ("kill -SEGV $$", "killed by SIGSEGV"), ("exit 130", "interrupted; the next run goes on "
-                             "from the last checkpoint"), ("echo 'gsh: out of memory' >&2; exit 2", "gsh: out of memory"),
-                             ("echo 'gsh: o: p is writing there; wait' >&2; exit 2", "gsh: o: p is writing there; wait")):
+        for script, line in (
+            ("kill -KILL $$", "killed by SIGKILL, probably for a lack of memory"),
+            ("kill -SEGV $$", "killed by SIGSEGV"),
+            ("exit 130", "interrupted; the next run goes on from the last checkpoint"),
+            ("echo 'gsh: out of memory' >&2; exit 2", "gsh: out of memory"),
+            ("echo 'gsh: o: p is writing there; wait' >&2; exit 2", "gsh: o: p is writing there; wait"),
+        ):
             for attempt in ("1", "2"):
                 code, record, _ = self.run_stage(script, "--attempt", attempt)
                 self.assertEqual((code, record["state"], record["line"]), (1, "failed", line))
@@ -188,7 +223,9 @@ class Stage(InFolder):
         log = self.folder / "log"
         log.write_bytes(b"training 10%\rtraining 20%\n\xff: is bad\n\n")
         self.assertEqual(last_line(log), "\ufffd: is bad")
-        log.write_bytes(b"gsh-fit: no person\ngsh-video: the stage 'x' ended with code 2; its message stands above. So\n")
+        log.write_bytes(
+            b"gsh-fit: no person\ngsh-video: the stage 'x' ended with code 2; its message stands above. So\n"
+        )
         self.assertEqual(last_line(log), "gsh-fit: no person")
         log.write_bytes(b"")
         self.assertEqual(last_line(log), "")
@@ -201,8 +238,15 @@ class Report(InFolder):
         (logs / f"{stage}.json").write_text(json.dumps(content))
 
     def make(self, name, person=30.0, preview="UE5H", **record):
-        figures = {"psnr": 40.0, "psnr_person": person, "psnr_face": 33.0, "psnr_hands": None, "seconds": 12.5,
-                   "gaussians": 170000, "verdict": "Good."}
+        figures = {
+            "psnr": 40.0,
+            "psnr_person": person,
+            "psnr_face": 33.0,
+            "psnr_hands": None,
+            "seconds": 12.5,
+            "gaussians": 170000,
+            "verdict": "Good.",
+        }
         self.record(name, "check", state="done", seconds=5.0, peak_memory_bytes=1)
         self.record(name, "reconstruct", **{"state": "done", "seconds": 15.0, "peak_memory_bytes": 5,
                                             "figures": figures, "preview": preview} | record)  # fmt: skip

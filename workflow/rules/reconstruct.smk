@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-# Trains the avatar of a capture and evaluates it. A job that fails leaves a checkpoint, which Snakemake does not know of
-# and therefore does not remove, and the next job goes on from it.
+# Trains the avatar of a capture and evaluates it. A job that fails leaves a checkpoint, which Snakemake does not know
+# of and therefore does not remove, and the next job goes on from it.
 
 
 def work_of(wildcards):
@@ -32,8 +32,9 @@ rule reconstruct:
         **on_gpu(),
     shell:
         "exec {RUN_STAGE} --record {params.record:q} --log {log:q} --attempt {resources.attempt}"
-        " --out $(dirname {output.metrics:q}) {params.work} --figures metrics.json --remove checkpoint.gsh -- {PROGRAMS}gsh-reconstruct {params.words}"
-        " --threads {threads} --checkpoint-interval {config[reconstruct][checkpoint_interval]} --continue"
+        " --out $(dirname {output.metrics:q}) {params.work} --figures metrics.json --remove checkpoint.gsh"
+        " -- {PROGRAMS}gsh-reconstruct {params.words} --threads {threads}"
+        " --checkpoint-interval {config[reconstruct][checkpoint_interval]} --continue"
 
 
 # Several people in one capture have avatars of their own names.

@@ -18,8 +18,20 @@ from typing import Any
 import jinja2
 
 FIGURES = ("psnr", "psnr_person", "psnr_face", "psnr_hands")
-COLUMNS = ("subject", "state", *FIGURES, "seconds", "training_seconds", "peak_memory_bytes", "gaussians", "attempts",
-           "stage", "line", "verdict", "report")
+COLUMNS = (
+    "subject",
+    "state",
+    *FIGURES,
+    "seconds",
+    "training_seconds",
+    "peak_memory_bytes",
+    "gaussians",
+    "attempts",
+    "stage",
+    "line",
+    "verdict",
+    "report",
+)
 WORST = 10
 
 
@@ -101,8 +113,9 @@ def by_quality(results: Iterable[Result]) -> list[Result]:
     return sorted((result for result in results if result.is_done), key=quality)
 
 
-def write_report(records: str | Path, expected: Iterable[Expected], pictures: int, page: str | Path,
-                 table: str | Path) -> list[str]:
+def write_report(
+    records: str | Path, expected: Iterable[Expected], pictures: int, page: str | Path, table: str | Path
+) -> list[str]:
     """Writes the page and the table of what is expected, by the records that are in the folder `records`. `pictures` is
     the number of subjects with a picture on the page, the worst first. Returns a line for each subject that is not
     done."""
@@ -111,9 +124,14 @@ def write_report(records: str | Path, expected: Iterable[Expected], pictures: in
     others = sorted((result for result in found if not result.is_done), key=lambda result: (result.state, result.name))
     images = {result.name: result.picture for result in done[:pictures] if result.picture}
     text = _template().render(
-        done=done, failed=[r for r in others if r.state == "failed"], missing=[r for r in others if r.state == "missing"],
-        worst=done[:WORST], pictures=images, totals=_totals(found, done), made=datetime.now(timezone.utc),
-    )  # fmt: skip
+        done=done,
+        failed=[result for result in others if result.state == "failed"],
+        missing=[result for result in others if result.state == "missing"],
+        worst=done[:WORST],
+        pictures=images,
+        totals=_totals(found, done),
+        made=datetime.now(timezone.utc),
+    )
     _write(Path(page), text)
     rows = io.StringIO()
     writer = csv.DictWriter(rows, COLUMNS, lineterminator="\n")
@@ -143,8 +161,12 @@ def _totals(found: list[Result], done: list[Result]) -> dict[str, Any]:
 
 def _template() -> jinja2.Template:
     environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(Path(__file__).resolve().parent), autoescape=True, trim_blocks=True,
-        lstrip_blocks=True, undefined=jinja2.StrictUndefined)
+        loader=jinja2.FileSystemLoader(Path(__file__).resolve().parent),
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        undefined=jinja2.StrictUndefined,
+    )
     environment.filters["db"] = lambda value: "–" if value is None or math.isnan(value) else f"{value:.2f}"
     environment.filters["duration"] = _duration
     environment.filters["megabytes"] = lambda value: f"{value / 1e6:,.0f} MB" if value else "–"

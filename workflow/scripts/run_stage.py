@@ -5,10 +5,10 @@
                  [--findings CHECK.json] [--out FOLDER [--work FOLDER] [--figures NAME] [--remove NAME]]
                  -- PROGRAM ARGUMENT...
 
-SIGTERM and SIGINT reach the program as SIGTERM, which does no harm where it also comes from elsewhere, and the program is
-waited for: gsh-reconstruct then writes a checkpoint. An input that a program refuses is as bad the second time, so a
-later attempt ends at once with the same line. Attempts after a lack of memory, a kill or an interruption run again. Needs
-nothing but Python."""
+SIGTERM and SIGINT reach the program as SIGTERM, which does no harm where it also comes from elsewhere, and the program
+is waited for: gsh-reconstruct then writes a checkpoint. An input that a program refuses is as bad the second time, so a
+later attempt ends at once with the same line. Attempts after a lack of memory, a kill or an interruption run again.
+Needs nothing but Python."""
 
 from __future__ import annotations
 
@@ -39,8 +39,11 @@ def main() -> int:
     parser.add_argument("--findings", type=Path, help="check.json of gsh-check, which says why it ended with code 1")
     parser.add_argument("--out", type=Path, help="the folder of the results, which the program gets as its --out")
     parser.add_argument("--work", type=Path, help="the program's --out instead, from which results go to that folder")
-    parser.add_argument("--figures", help="metrics.json in the folder of the results; its figures go to the record, with "
-                        "the picture preview.png beside it")
+    parser.add_argument(
+        "--figures",
+        help="metrics.json in the folder of the results; its figures go to the record, with "
+        "the picture preview.png beside it",
+    )
     parser.add_argument("--remove", help="a file in the folder of the results that is not needed when they are there")
     parser.add_argument("command", nargs="+")
     options = parser.parse_args()
@@ -90,7 +93,7 @@ def run(command: list[str], log: Path, stdout: Path | None, accepted: list[int])
 
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, stop)
-    with log.open("wb") as errors, (stdout.open("wb") if stdout else log.open("ab")) as output:
+    with log.open("wb") as errors, stdout.open("wb") if stdout else log.open("ab") as output:
         try:
             process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=output, stderr=errors)
         except OSError as error:
@@ -119,7 +122,8 @@ def judge(code: int, line: str, accepted: list[int]) -> tuple[str, str]:
         return "failed", "interrupted; the next run goes on from the last checkpoint"
     if code < 0:
         return "failed", f"killed by {signal.Signals(-code).name}" + (
-            ", probably for a lack of memory" if code == -signal.SIGKILL else "")
+            ", probably for a lack of memory" if code == -signal.SIGKILL else ""
+        )
     if any(words in line for words in TRANSIENT):
         return "failed", line
     return "refused", line or f"ended with code {code} and no message"

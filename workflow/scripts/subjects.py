@@ -51,8 +51,10 @@ def read_subjects(path: str | Path, config: dict[str, Any]) -> dict[str, Subject
     for line, row in zip(lines, rows):
         subject = _subject_of(f"{path}: line {line}", row, config)
         if subject.name in subjects:
-            raise WorkflowError(f"{path}: line {line}, column name: found {subject.name!r} a second time, "
-                                "expected another name for each subject")
+            raise WorkflowError(
+                f"{path}: line {line}, column name: found {subject.name!r} a second time, "
+                "expected another name for each subject"
+            )
         subjects[subject.name] = subject
     return subjects
 
@@ -66,8 +68,9 @@ def check_config(config: dict[str, Any], path: str = "config") -> None:
         key = ".".join(str(word) for word in cause.absolute_path) or "the settings"
         raise WorkflowError(f"{path}: {key}: {_found_and_expected(cause)}") from None
     if config["staged"] and not config["checkpoints"]:
-        raise WorkflowError(f"{path}: checkpoints: found nothing, expected a folder that all machines see, because of "
-                            "staged: true")
+        raise WorkflowError(
+            f"{path}: checkpoints: found nothing, expected a folder that all machines see, because of staged: true"
+        )
 
 
 def _rows_of(path: Path) -> tuple[list[int], list[dict[str, str]]]:
@@ -83,9 +86,11 @@ def _rows_of(path: Path) -> tuple[list[int], list[dict[str, str]]]:
                 raise WorkflowError(f"{path}: line 1: found a column twice, expected each once")
             for row in reader:
                 if None in row:
-                    raise WorkflowError(f"{path}: line {reader.line_num}: found {len(row) - 1 + len(row[None])} cells, "
-                                        f"expected {len(row) - 1}, as many as line 1 has columns; put quotes around a "
-                                        "cell that holds the separator")
+                    raise WorkflowError(
+                        f"{path}: line {reader.line_num}: found {len(row) - 1 + len(row[None])} cells, "
+                        f"expected {len(row) - 1}, as many as line 1 has columns; put quotes around a "
+                        "cell that holds the separator"
+                    )
                 cells = {key.strip(): value.strip() for key, value in row.items() if value and value.strip()}
                 if cells and not next(iter(row.values())).lstrip().startswith("#"):
                     lines.append(reader.line_num)
