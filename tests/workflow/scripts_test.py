@@ -202,9 +202,20 @@ class Stage(InFolder):
         self.run_stage(script + "exit 130", "--out", out, "--work", work)  # $0 is --out
         self.assertTrue((work / "checkpoint.gsh").exists())
         self.assertFalse(out.exists())
-        self.run_stage(script, "--out", out, "--work", work, "--remove", "checkpoint.gsh")
+        self.run_stage(script, "--out", out, "--work", work, "--remove", "checkpoint.*")
         self.assertEqual([path.name for path in out.iterdir()], ["metrics.json"])
         self.assertFalse(work.exists())
+
+    def test_checkpoints_of_another_input_are_removed(self):
+        basis, checkpoint = self.folder / "plan.json", self.folder / "out/checkpoint.gsh"
+        for content, kept in (("a", False), ("a", True), ("b", False), ("b", True)):
+            basis.write_text(content)
+            checkpoint.parent.mkdir(exist_ok=True)
+            checkpoint.touch()
+            script = f"[ -e {checkpoint} ] && echo kept >{self.folder}/kept; true"
+            self.run_stage(script, "--out", checkpoint.parent, "--basis", basis)
+            self.assertEqual((self.folder / "kept").exists(), kept)
+            (self.folder / "kept").unlink(missing_ok=True)
 
     def test_figures_and_the_picture_go_to_the_record(self):
         (self.folder / "metrics.json").write_text('{"psnr": 30.5, "psnr_regions": {"face": 31}, "images": []}')

@@ -32,7 +32,8 @@ rule reconstruct:
         **on_gpu(),
     shell:
         "exec {RUN_STAGE} --record {params.record:q} --log {log:q} --attempt {resources.attempt}"
-        " --out $(dirname {output.metrics:q}) {params.work} --figures metrics.json --remove checkpoint.gsh"
+        " --out $(dirname {output.metrics:q}) {params.work} --figures metrics.json"
+        " --basis {input.plan:q} --remove 'checkpoint.*'"
         " -- {PROGRAMS}gsh-reconstruct {params.words} --threads {threads}"
         " --checkpoint-interval {config[reconstruct][checkpoint_interval]} --continue"
 

@@ -30,5 +30,5 @@ rule video:
         runtime=always(config["video"]["runtime"]),
     shell:
         "exec {RUN_STAGE} --record {params.record:q} --log {log:q} --attempt {resources.attempt}"
-        " --out $(dirname {output.stages:q}) --figures avatar/metrics.json --remove avatar/checkpoint.gsh"
+        " --out $(dirname {output.stages:q}) --figures avatar/metrics.json --remove 'avatar/checkpoint.*'"
         " -- {PROGRAMS}gsh-video {params.words} --threads {threads}"

@@ -2,7 +2,7 @@
 """Runs a program of gsh as a stage of a subject, and leaves a record of it: what came of it, in which time and memory.
 
     run_stage.py --record FILE.json --log FILE.log [--attempt N] [--accept CODE]... [--stdout FILE]
-                 [--findings CHECK.json] [--out FOLDER [--work FOLDER] [--figures NAME] [--remove NAME]]
+                 [--findings CHECK.json] [--out FOLDER [--work FOLDER] [--figures NAME] [--basis FILE] [--remove PATTERN]]
                  -- PROGRAM ARGUMENT...
 
 SIGTERM and SIGINT reach the program as SIGTERM, which does no harm where it also comes from elsewhere, and the program
@@ -44,9 +44,12 @@ def main() -> int:
         help="metrics.json in the folder of the results; its figures go to the record, with "
         "the picture preview.png beside it",
     )
-    parser.add_argument("--remove", help="a file in the folder of the results that is not needed when they are there")
+    parser.add_argument("--basis", type=Path, help="a file that checkpoints in the folder of the results belong to")
+    parser.add_argument("--remove", help="a pattern of files there that are not needed when the results are complete")
     parser.add_argument("command", nargs="+")
     options = parser.parse_args()
+    if options.basis:
+        forget_other_work(options.work or options.out, options.basis)
     if options.out:
         options.command += ["--out", str(options.work or options.out)]
 
@@ -69,7 +72,8 @@ def main() -> int:
         if options.figures:
             record |= figures_of(made / options.figures)
         if options.remove:
-            (made / options.remove).unlink(missing_ok=True)
+            for path in made.glob(options.remove):
+                path.unlink()
         if options.work:
             move_results(options.work, options.out)
     write_record(options.record, record)
@@ -127,6 +131,18 @@ def judge(code: int, line: str, accepted: list[int]) -> tuple[str, str]:
     if any(words in line for words in TRANSIENT):
         return "failed", line
     return "refused", line or f"ended with code {code} and no message"
+
+
+def forget_other_work(folder: Path, basis: Path) -> None:
+    """Removes checkpoints that belong to another content of `basis`. A plan is made anew when the input changes, and no
+    two plans are alike, because each holds the time that loading took."""
+    noted, content = folder / "checkpoint.basis", basis.read_bytes()
+    if noted.exists() and noted.read_bytes() == content:
+        return
+    for checkpoint in folder.glob("checkpoint*.gsh"):
+        checkpoint.unlink()
+    folder.mkdir(parents=True, exist_ok=True)
+    noted.write_bytes(content)
 
 
 def figures_of(metrics: Path) -> dict[str, Any]:
