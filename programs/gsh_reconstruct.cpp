@@ -6,6 +6,8 @@
 /// 3. With --refine, fit poses and shape to the photographs.
 /// 4. Train, with a checkpoint every few seconds.
 /// 5. Evaluate on the test views and write the results.
+///
+/// With --plan, only the memory and the time that this will take are printed.
 
 #include "common/figures.hpp"
 #include "common/machine.hpp"
@@ -14,6 +16,7 @@
 #include "common/stored_options.hpp"
 #include "evaluate/evaluation_tables.hpp"
 #include "reconstruct/load_input.hpp"
+#include "reconstruct/plan.hpp"
 #include "reconstruct/reconstruct_command.hpp"
 #include "reconstruct/reconstruct_options.hpp"
 #include "reconstruct/reconstruction.hpp"
@@ -28,6 +31,7 @@
 #include <string>
 #include <system_error>
 #include <utility>
+#include <vector>
 
 using namespace gsh;
 using namespace gsh::programs;
@@ -50,8 +54,29 @@ int reconstruct_scene(Machine& machine, OutputFolder& out, const ReconstructOpti
     return exit_done;
 }
 
-/// `checkpoint` is the one to go on from, with --resume.
-int reconstruct(const ReconstructOptions& options, const std::filesystem::path& checkpoint) {
+/// Options by which a run may differ from the one that wrote a checkpoint, and is still the same run.
+const std::vector<std::string> options_of_machine{"--threads", "--backend", "--device", "--checkpoint-interval"};
+
+/// The checkpoint that --continue goes on from; empty if there is none of this run, with a warning if there is another.
+std::filesystem::path checkpoint_of_same_run(const ReconstructOptions& options, const ReconstructionSetup& setup) {
+    const std::filesystem::path path = checkpoint_path(options);
+    if (!has_checkpoint(path)) return {};
+    try {
+        std::string damage;
+        std::filesystem::path whole = whole_checkpoint(path, damage);
+        check_value(same_options(checkpoint_words(whole), options.given, options_of_machine), whole.string(),
+                    "is of a run with other options");
+        check_checkpoint(whole, setup);
+        if (!damage.empty()) warn(damage);
+        return whole;
+    } catch (const Error& error) {
+        warn(std::string(error.what()) + "; training begins anew");
+        return {};
+    }
+}
+
+/// `checkpoint` is the one to go on from, with --resume; empty without it.
+int reconstruct(const ReconstructOptions& options, std::filesystem::path checkpoint) {
     Machine machine(options.machine);
     OutputFolder out(options.out);
     if (is_scene(options)) return reconstruct_scene(machine, out, options);
@@ -62,11 +87,12 @@ int reconstruct(const ReconstructOptions& options, const std::filesystem::path& 
         check_checkpoint(checkpoint, run_text(input, recipe), resume_advice); // before work is done
     if (recipe.refine && recipe.registration) register_shown(machine, input, recipe);
     ReconstructionSetup made = make_setup(machine, input, recipe);
+    if (options.go_on) checkpoint = checkpoint_of_same_run(options, made);
     take_photographs(made, input.capture);
     const auto reconstruction = make_reconstruction(machine, std::move(made));
     const ReconstructionSetup& setup = reconstruction->setup;
     TrainingRecord record;
-    if (options.resume) record = load_checkpoint(checkpoint, *reconstruction, resume_advice);
+    if (!checkpoint.empty()) record = load_checkpoint(checkpoint, *reconstruction, resume_advice);
     for (const std::string& warning : input.warnings) warn(warning);
     for (const std::string& warning : setup.warnings) warn(warning);
     if (input.people.size() > 1) std::printf("%zu people, ", input.people.size());
@@ -117,7 +143,7 @@ int main(int argc, char** argv) {
         check_options(options);
         if (by_time) // a run that is resumed for longer keeps its Gaussians
             app.get_option("--gaussians")->add_result(std::to_string(options.gaussians));
-        options.given = given_options(app, {"--help", "--out", "--resume"});
-        return reconstruct(options, checkpoint);
+        options.given = given_options(app, {"--help", "--out", "--resume", "--continue"});
+        return options.plan ? print_plan(options) : reconstruct(options, checkpoint);
     });
 }

@@ -36,6 +36,22 @@ template <class T>
     return part;
 }
 
+/// Two pictures of the same size side by side, each at 1/factor of its size: a pixel is the mean of a square.
+[[nodiscard]] inline Image<float> small_pair(const Image<float>& left, const Image<float>& right, int factor) {
+    const int height = std::max(1, left.height / factor), width = std::max(1, left.width / factor);
+    Image<float> pair(left.channels, height, 2 * width);
+    for (int c = 0; c < left.channels; ++c)
+        for (int y = 0; y < left.height; ++y)
+            for (int x = 0; x < left.width; ++x) {
+                if (y / factor >= height || x / factor >= width) continue; // what a square lacks
+                const float share =
+                    1 / static_cast<float>(std::min(factor, left.height) * std::min(factor, left.width));
+                pair.at(c, y / factor, x / factor) += share * left.at(c, y, x);
+                pair.at(c, y / factor, x / factor + width) += share * right.at(c, y, x);
+            }
+    return pair;
+}
+
 /// The box around the pixels whose alpha exceeds 1/2, with a margin of a twelfth of its height; the whole picture
 /// without such pixels.
 [[nodiscard]] inline PixelBox box_of_person(const Image<float>& alpha) {

@@ -31,6 +31,21 @@ namespace gsh::programs {
     return stored.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
 }
 
+/// Whether two texts of given_options hold the same words for all options but those of the list. A text that
+/// given_options did not write is the same as none.
+[[nodiscard]] inline bool same_options(const std::string& a, const std::string& b,
+                                       const std::vector<std::string>& except) {
+    const auto options_of = [&](const std::string& text) {
+        nlohmann::json stored = nlohmann::json::parse(text, nullptr, false);
+        nlohmann::json options = stored.is_object() ? stored.value("options", nlohmann::json()) : nlohmann::json();
+        if (options.is_object())
+            for (const std::string& name : except) options.erase(name);
+        return options;
+    };
+    const nlohmann::json first = options_of(a);
+    return first.is_object() && first == options_of(b);
+}
+
 /// Gives each option that the command line leaves out the words of an earlier one. `rivals` are options of which only
 /// one can be given: where this command line has one, the earlier one's are left out. A word that named a file beside
 /// the earlier run does so again, from wherever this one is started.

@@ -65,7 +65,7 @@ inline void add_options(CLI::App& app, ReconstructOptions& o) {
     app.add_option("--capture", o.capture, "folder with images/, cameras.json and poses");
     add_people(app, o);
     app.add_flag("--synthetic", o.synthetic, "film the built-in actor and reconstruct it, instead of a capture");
-    app.add_option("--out", o.out, "folder for the results")->required();
+    app.add_option("--out", o.out, "folder for the results (required, but for --plan)");
     app.add_option("--steps", o.steps,
                    "training steps (default 1500; without stages, as in --config paper, 3000; with "
                    "--synthetic 1000)")
@@ -94,7 +94,12 @@ inline void add_options(CLI::App& app, ReconstructOptions& o) {
                    "JSON list of an estimator's normal and depth maps, instead of those of the body's mesh");
     add_lpips(app, o);
     app.add_option("--frame", o.frame, "with --config static: frame of the capture (default 0)");
-    app.add_flag("--resume", o.resume, "continue from the checkpoint in --out");
+    app.add_flag("--resume", o.resume, "continue from the checkpoint in --out, with the options of its run");
+    app.add_flag("--continue", o.go_on,
+                 "continue from the checkpoint in --out if there is one of the same options, otherwise begin; for "
+                 "schedulers, which run a command again");
+    app.add_flag("--plan", o.plan,
+                 "only print what the run will take, as JSON: bytes of memory, seconds, Gaussians, images");
 }
 
 } // namespace gsh::programs

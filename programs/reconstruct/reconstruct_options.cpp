@@ -62,6 +62,9 @@ void check_options(ReconstructOptions& o) {
         if (!condition) throw ValueError(message);
     };
     const bool scene = is_scene(o); // has neither body nor poses
+    expect(o.plan || !o.out.empty(), "needs --out, a folder for the results");
+    expect(!o.plan || !o.resume, "--plan and --resume exclude each other: name the options of the run");
+    expect(!o.resume || !o.go_on, "--resume and --continue exclude each other");
     expect(o.synthetic || (!o.capture.empty() && (scene || has_body(o))),
            "needs --capture and --body, or --synthetic alone");
     for (const auto& [given, option] : {std::pair(o.synthetic, "--synthetic: it needs a capture"),
@@ -69,6 +72,8 @@ void check_options(ReconstructOptions& o) {
                                         {o.hold_out_motion.has_value(), "--hold-out-motion: it has no motion"},
                                         {o.machine.precision == "mixed", "--precision mixed: it has no field"},
                                         {o.resume, "--resume"},
+                                        {o.go_on, "--continue"},
+                                        {o.plan, "--plan"},
                                         {o.seconds > 0, "--seconds: use --steps"},
                                         {o.max_memory > 0, "--max-memory"},
                                         {!o.poses.empty(), "--poses"},

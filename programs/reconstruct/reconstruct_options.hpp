@@ -33,6 +33,8 @@ struct ReconstructOptions : PeopleOptions {
     std::filesystem::path out;
     bool synthetic = false;
     bool resume = false;
+    bool go_on = false; ///< from a checkpoint of the same run, if there is one
+    bool plan = false;  ///< only print what the run will take
     std::optional<std::string> config; ///< name or JSON file; without one, default_configuration
     std::vector<std::string> set;      ///< key=value, applied to the configuration
     bool refine = false;               ///< refine poses in training, fit test poses

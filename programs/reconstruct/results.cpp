@@ -245,6 +245,7 @@ void add_registration(const RegistrationSummary& registration, Json& json, Repor
 std::optional<TestFigures> write_results(OutputFolder& out, const ReconstructOptions& o, Machine& machine,
                                          const ReconstructionInput& input, AnyReconstruction& reconstruction,
                                          const TrainingRecord& record) {
+    if (interrupted) return std::nullopt; // training has written its checkpoint
     const ReconstructionSetup& setup = reconstruction.setup;
     Judge<cpu::Threads> judge = judge_for(machine.host(), input, o);
     reconstruction.release_memory();
@@ -254,6 +255,7 @@ std::optional<TestFigures> write_results(OutputFolder& out, const ReconstructOpt
     // before poses are fitted to test images
     report.turn = turn_of(machine, reconstruction, write_avatars(out, reconstruction));
     work.reset();
+    if (interrupted) return std::nullopt;
     const std::size_t people = setup.people.size();
     if (o.refine && !reconstruction.refine_test_poses(shown_progress())) return std::nullopt;
     out.own("test");
@@ -292,8 +294,12 @@ std::optional<TestFigures> write_results(OutputFolder& out, const ReconstructOpt
         const std::size_t shown_first = typical_image(scores, mean.psnr_person);
         const auto comparison = reconstruction.compare(setup.test_photos[shown_first]);
         const PixelBox box = box_of_person(comparison.mask);
-        report.render = shown_picture("avatar", cropped(comparison.render, box));
-        report.photograph = shown_picture("photograph " + scores[shown_first].name, cropped(comparison.truth, box));
+        const Image<float> render = cropped(comparison.render, box), photograph = cropped(comparison.truth, box);
+        report.render = shown_picture("avatar", render);
+        report.photograph = shown_picture("photograph " + scores[shown_first].name, photograph);
+        constexpr int preview_height = 160; // pixels at least, of larger photographs
+        write_png(out.file("preview.png"),
+                  quantise(small_pair(render, photograph, std::max(1, box.height / preview_height)).view()));
     }
     if (split) figures.motion = seen_and_new(scores, *split);
 

@@ -119,7 +119,7 @@ TEST_CASE("two people are reconstructed together, and each has files and figures
     for (const char* file : {"avatar-ann.gsh", "avatar-ann.ply", "avatar-bob.gsh", "avatar-bob.ply", "metrics.json",
                              "report.html", "checkpoint.gsh", "test/test00_0000.png", "test/test00_0001.png"})
         CHECK(fs::exists(s.out / file));
-    CHECK(test::files_below(s.out) == 9);
+    CHECK(test::files_below(s.out) == 10);
     CHECK(load_avatar(s.avatar("ann")).gaussians.size() == 500);
     CHECK(!same_file(s.avatar("ann"), s.avatar("bob")));
 

@@ -116,7 +116,7 @@ TEST_CASE("a reconstruction leaves all that was promised") {
     CHECK(page == test::contains("<th>Photographs</th><td>exposure from "));
     CHECK(page.ends_with("</html>\n"));
     CHECK(fs::exists(s.out / "checkpoint.gsh"));
-    CHECK(test::files_below(s.out) == 7);
+    CHECK(test::files_below(s.out) == 8);
 }
 
 TEST_CASE("who asks for nothing gets the default configuration") {

@@ -48,6 +48,20 @@ TEST_CASE("stored options come back where a command line leaves them out") {
     CHECK(now.names == std::vector<std::string>{"a", "b"});
 }
 
+TEST_CASE("stored options are compared in all that is not left out") {
+    const auto text = [](const std::string& words) {
+        StoredCommand command;
+        command.app.parse(words);
+        return given_options(command.app, {});
+    };
+    CHECK(same_options(text("--steps 7 --names a b"), text("--names a b --steps 7"), {}));
+    CHECK(!same_options(text("--steps 7"), text("--steps 8"), {}));
+    CHECK(!same_options(text("--steps 7"), text(""), {}));
+    CHECK(same_options(text("--steps 7 --names a"), text("--steps 8 --names a"), {"--steps"}));
+    CHECK(same_options(text(""), text(""), {}));
+    for (const char* other : {"", "{", "[]", R"({"options": 3})"}) CHECK(!same_options(other, other, {}));
+}
+
 TEST_CASE("options that no program stored are refused") {
     const std::string cannot = "c.gsh: holds options that cannot be read; name all options again";
     CHECK(restore_error(R"({"options": {}})") == "none");

@@ -52,6 +52,11 @@ inline void remove_checkpoints(const std::filesystem::path& path);
 /// Errors  as for load_checkpoint.
 inline void check_checkpoint(const std::filesystem::path& path, const std::string& run, std::string_view advice = {});
 
+/// Checks that a checkpoint belongs to the run of a setup, with as many Gaussians. `advice` is the end of the message.
+/// Errors  as for load_checkpoint.
+inline void check_checkpoint(const std::filesystem::path& path, const ReconstructionSetup& setup,
+                             std::string_view advice = {});
+
 /// Brings a reconstruction that was made of the same input and recipe to the state of a checkpoint, of any backend, and
 /// returns the record. `advice` is the end of the message about another run.
 /// Errors  IoError if there is no such file; ValueError for a checkpoint of another recipe or of other people; else
@@ -185,10 +190,16 @@ inline void check_checkpoint(const std::filesystem::path& path, const std::strin
     detail::check_run(path, there, run, advice);
 }
 
+inline void check_checkpoint(const std::filesystem::path& path, const ReconstructionSetup& setup,
+                             std::string_view advice) {
+    detail::check_run(path, detail::open_checkpoint(path).read_text("configuration"), detail::checkpoint_text(setup),
+                      advice);
+}
+
 inline TrainingRecord load_checkpoint(const std::filesystem::path& path, AnyReconstruction& reconstruction,
                                       std::string_view advice) {
+    check_checkpoint(path, reconstruction.setup, advice);
     const ArchiveReader file = detail::open_checkpoint(path);
-    detail::check_run(path, file.read_text("configuration"), detail::checkpoint_text(reconstruction.setup), advice);
     reconstruction.load(file);
     TrainingRecord record;
     record.steps = reconstruction.step_count();

@@ -125,6 +125,21 @@ inline std::size_t bytes_of_images(const ReconstructionSetup& setup, bool on_dev
     return bytes;
 }
 
+/// The memory that training takes, where it trains. `setup` has the photographs and the configuration.
+template <class Parts, CpuBackend B>
+MemoryModel memory_of_training(const ReconstructionInput& input, const ReconstructionSetup& setup, bool on_device) {
+    std::size_t pixels = 0;
+    for (const auto& camera : input.capture.cameras)
+        pixels = std::max(pixels, static_cast<std::size_t>(camera.camera.width) *
+                                      static_cast<std::size_t>(camera.camera.height));
+    return training_memory<B, Parts>(setup.configuration.avatar, pixels, bytes_of_images(setup, on_device),
+                                     input.people.size(),
+                                     {.joint_count = input.body().joint_count(),
+                                      .vertex_count = input.body().vertex_count(),
+                                      .frame_count = input.capture.frame_count()},
+                                     on_device ? device_costs : host_costs);
+}
+
 /// The number of Gaussians of each person: as requested, or as many as fit into recipe.max_memory. What they leave of a
 /// device's memory is for plates and photographs (TrainParams::photo_memory).
 /// Errors  ValueError if less than a tenth of the requested number fits.
@@ -132,16 +147,7 @@ template <class Parts, CpuBackend B>
 std::size_t gaussians_within_memory(const ReconstructionInput& input, const Recipe& recipe, bool on_device,
                                     ReconstructionSetup& setup) {
     if (recipe.max_memory == 0) return recipe.gaussians;
-    std::size_t pixels = 0;
-    for (const auto& camera : input.capture.cameras)
-        pixels = std::max(pixels, static_cast<std::size_t>(camera.camera.width) *
-                                      static_cast<std::size_t>(camera.camera.height));
-    const MemoryModel memory = training_memory<B, Parts>(setup.configuration.avatar, pixels,
-                                                         bytes_of_images(setup, on_device), input.people.size(),
-                                                         {.joint_count = input.body().joint_count(),
-                                                          .vertex_count = input.body().vertex_count(),
-                                                          .frame_count = input.capture.frame_count()},
-                                                         on_device ? device_costs : host_costs);
+    const MemoryModel memory = memory_of_training<Parts, B>(input, setup, on_device);
     const std::size_t count = std::min(recipe.gaussians, memory.gaussians_within(recipe.max_memory));
     if (count < recipe.gaussians / 10)
         throw ValueError("Recipe::max_memory (--max-memory of the programs) is " + std::to_string(recipe.max_memory) +
