@@ -182,6 +182,8 @@ TEST_CASE_TEMPLATE("a mask as bits, and the first lanes of a register", S, float
     const W x = W::load(numbers);
     CHECK(lane_bits(x >= W(S(1))) == (1u << W::width) - 2);
     CHECK(lane_bits(x < W(S(0))) == 0);
+    CHECK(lane_bits(x == W(S(1))) == 2);
+    CHECK(lane_bits(x != W(S(1))) == (1u << W::width) - 3);
     CHECK(any(x <= W(S(0))));
     CHECK_FALSE(any(x < W(S(0))));
     x.template store_first<W::width - 1>(out);
