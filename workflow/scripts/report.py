@@ -5,9 +5,7 @@ from __future__ import annotations
 
 import csv
 import io
-import json
 import math
-import os
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from datetime import datetime, timezone
@@ -16,6 +14,7 @@ from statistics import fmean, median
 from typing import Any
 
 import jinja2
+from run_stage import read_record, write_whole
 
 FIGURES = ("psnr", "psnr_person", "psnr_face", "psnr_hands")
 COLUMNS = (
@@ -79,7 +78,7 @@ class Result:
 
 def read_result(records: Path, expected: Expected) -> Result:
     """What the records of a subject tell. A subject is done if all its stages are, and its files are there."""
-    found = [_read_json(records / expected.name / "logs" / f"{stage}.json") for stage in expected.stages]
+    found = [read_record(records / expected.name / "logs" / f"{stage}.json") for stage in expected.stages]
     result = Result(expected.name, "missing")
     if all(record.get("state") == "done" for record in found) and all(Path(path).exists() for path in expected.files):
         result.state = "done"
@@ -132,12 +131,14 @@ def write_report(
         totals=_totals(found, done),
         made=datetime.now(timezone.utc),
     )
-    _write(Path(page), text)
+    for path in (page, table):
+        Path(path).parent.mkdir(parents=True, exist_ok=True)
+    write_whole(Path(page), text)
     rows = io.StringIO()
     writer = csv.DictWriter(rows, COLUMNS, lineterminator="\n")
     writer.writeheader()
     writer.writerows(result.row() for result in found)
-    _write(Path(table), rows.getvalue())
+    write_whole(Path(table), rows.getvalue())
     return [f"{result.name}: {result.stage or 'not run'}: {result.line or 'nothing was tried'}" for result in others]
 
 
@@ -180,20 +181,3 @@ def _duration(seconds: float) -> str:
         return f"{seconds:.1f} s"
     minutes, rest = divmod(round(seconds), 60)
     return f"{minutes} min {rest} s" if minutes < 60 else f"{minutes // 60} h {minutes % 60} min"
-
-
-def _read_json(path: Path) -> dict[str, Any]:
-    """The object in a file; empty if there is none that can be read."""
-    try:
-        content = json.loads(path.read_text("utf-8"))
-    except (OSError, ValueError):
-        return {}
-    return content if isinstance(content, dict) else {}
-
-
-def _write(path: Path, text: str) -> None:
-    """Writes a file completely or not at all."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_name(path.name + ".partial")
-    partial.write_text(text, "utf-8")
-    os.replace(partial, path)

@@ -76,7 +76,7 @@ def main() -> int:
                 path.unlink()
         if options.work:
             move_results(options.work, options.out)
-    write_record(options.record, record)
+    write_whole(options.record, json.dumps(record, indent=2) + "\n")
     if record["state"] == "done":
         return 0
     print(record["line"], file=sys.stderr)
@@ -180,7 +180,7 @@ def last_line(log: Path) -> str:
 
 
 def read_record(path: Path) -> dict[str, Any]:
-    """The record at a path; empty if there is none that can be read."""
+    """The object in a file of JSON; empty if there is none that can be read."""
     try:
         record = json.loads(path.read_text("utf-8"))
     except (OSError, ValueError):
@@ -188,10 +188,10 @@ def read_record(path: Path) -> dict[str, Any]:
     return record if isinstance(record, dict) else {}
 
 
-def write_record(path: Path, record: dict[str, Any]) -> None:
-    """Writes a record completely or not at all."""
+def write_whole(path: Path, text: str) -> None:
+    """Writes a file completely or not at all."""
     partial = path.with_name(path.name + ".partial")
-    partial.write_text(json.dumps(record, indent=2) + "\n", "utf-8")
+    partial.write_text(text, "utf-8")
     partial.replace(path)
 
 
