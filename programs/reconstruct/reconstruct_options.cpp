@@ -62,7 +62,7 @@ void check_options(ReconstructOptions& o) {
         if (!condition) throw ValueError(message);
     };
     const bool scene = is_scene(o); // has neither body nor poses
-    expect(o.plan || !o.out.empty(), "needs --out, a folder for the results");
+    expect(o.plan || !o.out.empty(), "needs --out, a folder for the results; --help lists all options");
     expect(!o.plan || !o.resume, "--plan and --resume exclude each other: name the options of the run");
     expect(!o.resume || !o.go_on, "--resume and --continue exclude each other");
     expect(o.synthetic || (!o.capture.empty() && (scene || has_body(o))),
