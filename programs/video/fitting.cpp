@@ -21,6 +21,7 @@
 #include <gsh/io/capture/camera_file.hpp>
 #include <gsh/io/capture/detections.hpp>
 #include <gsh/io/file/atomic_file.hpp>
+#include <gsh/io/file/disk_sync.hpp>
 #include <gsh/io/file/folder_lock.hpp>
 #include <gsh/io/image/image_file.hpp>
 #include <gsh/io/motion/motion_file.hpp>
@@ -144,6 +145,7 @@ MendedMasks mend_masks(const fs::path& folder, const Detections& detections, Loa
             fs::rename(from, kept, error);
             if (error) throw IoError(kept.string() + ": cannot be written: " + error.message());
             create_folder(from);
+            for (const fs::path& renamed : {kept, from}) sync_to_disk(folder_of(renamed));
         }
         for (std::size_t t = 0; t < T; ++t) {
             if (!detections.has_mask(c, t)) continue;

@@ -53,6 +53,7 @@ void fail_in_turn(const std::vector<std::string>& words, const fs::path& root, c
     test::restore(out, before);
     const auto clean = test::run_failing(words, root, {"", 0, EIO});
     REQUIRE(clean.outcome.code == 0);
+    for (const std::string& fault : test::order_faults(clean.calls)) FAIL_CHECK(program << ": " << fault);
     const FolderState whole = test::state_of(out);
     std::size_t failed = 0, refused = 0;
     for (const auto& [kind, error] :
