@@ -144,9 +144,9 @@ MendedMasks mend_masks(const fs::path& folder, const Detections& detections, Loa
             create_folder(kept.parent_path());
             fs::rename(from, kept, error);
             if (error) throw IoError(kept.string() + ": cannot be written: " + error.message());
-            create_folder(from);
-            for (const fs::path& renamed : {kept, from}) sync_to_disk(folder_of(renamed));
         }
+        create_folder(from); // also where a run before this one ended between the two
+        for (const fs::path& renamed : {kept, from}) sync_to_disk(folder_of(renamed));
         for (std::size_t t = 0; t < T; ++t) {
             if (!detections.has_mask(c, t)) continue;
             const std::string name = detections.masks[c][t].stem().string() + ".png"; // it may have been a JPEG
