@@ -19,6 +19,11 @@
 
 namespace gsh::test {
 
+/// Whether tests run in their long form: where the variable GSH_ALL_FAILURES is set.
+inline bool all_failures() {
+    return std::getenv("GSH_ALL_FAILURES") != nullptr;
+}
+
 /// A call to the system that fails.
 struct FailingCall {
     std::string kind;       ///< "open", "read", "write", "fsync", "rename", "mkdir", "close", "thread", "memory", "clock"

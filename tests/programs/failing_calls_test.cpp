@@ -13,13 +13,13 @@
 
 #include <cerrno>
 #include <cstddef>
-#include <cstdlib>
 #include <iostream>
 #include <string>
 #include <utility>
 #include <vector>
 
 using namespace gsh;
+using test::all_failures;
 using test::FailingCall;
 using test::FolderState;
 namespace fs = std::filesystem;
@@ -44,10 +44,6 @@ struct FailingPlace : test::SmallCapture {
 const FailingPlace& failing_place() {
     static const FailingPlace instance;
     return instance;
-}
-
-bool all_failures() {
-    return std::getenv("GSH_ALL_FAILURES") != nullptr;
 }
 
 /// A command whose results are below out/, first as they were, then as they become.

@@ -14,7 +14,6 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstddef>
-#include <cstdlib>
 #include <filesystem>
 #include <iostream>
 #include <string>
@@ -22,16 +21,13 @@
 #include <vector>
 
 using namespace gsh;
+using test::all_failures;
 using test::FailingCall;
 using test::FolderState;
 namespace fs = std::filesystem;
 
 namespace failing_fit { // tests of a folder may be compiled together
 namespace {
-
-bool all_failures() {
-    return std::getenv("GSH_ALL_FAILURES") != nullptr;
-}
 
 /// Names that differ; those of figures that are measured only where one is missing.
 std::string difference(const FolderState& a, const FolderState& b) {

@@ -16,7 +16,6 @@
 #include <cerrno>
 #include <csignal>
 #include <cstddef>
-#include <cstdlib>
 #include <filesystem>
 #include <iostream>
 #include <string>
@@ -24,15 +23,12 @@
 #include <vector>
 
 using namespace gsh;
+using test::all_failures;
 using test::FailingCall;
 namespace fs = std::filesystem;
 
 namespace failing_view { // tests of a folder may be compiled together
 namespace {
-
-bool all_failures() {
-    return std::getenv("GSH_ALL_FAILURES") != nullptr;
-}
 
 /// An avatar and its motion in a folder, in which the server puts what is sent to it, too.
 struct FailingViewPlace {

@@ -28,6 +28,7 @@
 #include <vector>
 
 using namespace gsh;
+using test::all_failures;
 using test::check_refused;
 using test::FailingCall;
 using test::FolderState;
@@ -48,9 +49,6 @@ ProgramCommand command_of(std::string_view program) {
     for (const ProgramCommand& command : commands())
         if (command.program() == program) return command;
     throw std::logic_error("no such program");
-}
-bool all_failures() {
-    return std::getenv("GSH_ALL_FAILURES") != nullptr;
 }
 /// Whether a command takes part where each is run many times: with GSH_ALL_FAILURES all do.
 bool is_quick(const ProgramCommand& command) {
