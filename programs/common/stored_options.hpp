@@ -31,12 +31,23 @@ namespace gsh::programs {
     return stored.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
 }
 
+/// The JSON of a text of given_options, which may be of a foreign file.
+/// Errors  those of parse_json, beginning with `where`.
+[[nodiscard]] inline nlohmann::json stored_options(const std::string& text, const std::string& where) {
+    return gsh::detail::parse_json<nlohmann::json>(text, where + ": options", {.depth = 8});
+}
+
 /// Whether two texts of given_options hold the same words for all options but those of the list. A text that
 /// given_options did not write is the same as none.
 [[nodiscard]] inline bool same_options(const std::string& a, const std::string& b,
                                        const std::vector<std::string>& except) {
     const auto options_of = [&](const std::string& text) {
-        nlohmann::json stored = nlohmann::json::parse(text, nullptr, false);
+        nlohmann::json stored;
+        try {
+            stored = stored_options(text, "text");
+        } catch (const Error&) {
+            return nlohmann::json(); // not a text of given_options
+        }
         nlohmann::json options = stored.is_object() ? stored.value("options", nlohmann::json()) : nlohmann::json();
         if (options.is_object())
             for (const std::string& name : except) options.erase(name);
@@ -54,7 +65,7 @@ namespace gsh::programs {
 ///         options.
 inline void restore_options(CLI::App& app, const std::string& text, const std::string& where,
                             const std::vector<std::string>& rivals = {}) {
-    const nlohmann::json stored = gsh::detail::parse_json<nlohmann::json>(text, where + ": options", {.depth = 8});
+    const nlohmann::json stored = stored_options(text, where);
     check_value(stored.is_object() && stored.value("options", nlohmann::json()).is_object() &&
                     stored.value("folder", nlohmann::json("")).is_string(),
                 where, "holds options that cannot be read; name all options again");
