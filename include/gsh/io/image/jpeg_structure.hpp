@@ -153,9 +153,10 @@ private:
         if (count == 0 || size != 4 + 2 * count) damaged("a scan has another length than its components");
         // A progressive scan is one of the first coefficient of all blocks, or of others. It begins or refines them.
         const bool is_dc = byte(part.end - 3) == 0, begins = byte(part.end - 1) >> 4 == 0;
+        auto component = components_.end();
         for (std::size_t at = part.begin + 1; at < part.end - 3; at += 2) {
-            const auto component = std::find_if(components_.begin(), components_.end(),
-                                                [&](const Component& other) { return other.id == byte(at); });
+            component = std::find_if(components_.begin(), components_.end(),
+                                     [&](const Component& other) { return other.id == byte(at); });
             if (component == components_.end())
                 damaged("a scan is of component " + std::to_string(byte(at)) + ", which the frame does not have");
             if (!quantization_[component->quantization])
@@ -171,22 +172,17 @@ private:
                 damaged("a scan refines component " + std::to_string(component->id) + " before one begins it");
             component->begun = true;
         }
-        if (interval_ > 0) restarts_ = (units_of(part, count) - 1) / interval_;
+        if (interval_ > 0) restarts_ = (units_of(count == 1 ? &*component : nullptr) - 1) / interval_;
     }
 
-    /// The number of units of a scan: blocks of a single component, or groups of blocks of all.
-    [[nodiscard]] std::size_t units_of(const Part& part, std::size_t count) const {
+    /// The number of units of a scan: blocks of its only component, or groups of blocks of several.
+    [[nodiscard]] std::size_t units_of(const Component* only) const {
         std::size_t across = 1, down = 1;
         for (const Component& component : components_)
             across = std::max(across, component.across), down = std::max(down, component.down);
         const auto up = [](std::size_t a, std::size_t b) { return (a + b - 1) / b; };
         std::size_t columns = up(width_, 8 * across), rows = up(height_, 8 * down);
-        if (count == 1) {
-            const auto only = std::find_if(components_.begin(), components_.end(), [&](const Component& component) {
-                return component.id == byte(part.begin + 1);
-            });
-            columns = up(up(width_ * only->across, across), 8), rows = up(up(height_ * only->down, down), 8);
-        }
+        if (only) columns = up(up(width_ * only->across, across), 8), rows = up(up(height_ * only->down, down), 8);
         return std::max<std::size_t>(columns * rows, 1);
     }
 };
