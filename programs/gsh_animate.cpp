@@ -24,6 +24,7 @@
 #include <cstddef>
 #include <cstdio>
 #include <filesystem>
+#include <new>
 #include <numbers>
 #include <string>
 #include <system_error>
@@ -122,7 +123,7 @@ int animate(const AnimateOptions& options) {
 
 } // namespace
 
-int main(int argc, char** argv) {
+int main(int argc, char** argv) try {
     AnimateOptions options;
     CLI::App app("Renders avatars in motions.", "gsh-animate");
     app.add_option("avatars", options.avatars, "AVATAR.gsh, one or several in one scene")->required();
@@ -148,4 +149,6 @@ int main(int argc, char** argv) {
     add_background(app, options.background, "white");
     add_backend(app, options.machine);
     return run_program(app, argc, argv, [&] { return animate(options); });
+} catch (const std::bad_alloc&) {
+    return refuse_without_memory("gsh-animate");
 }

@@ -15,6 +15,7 @@
 #include <cstdint>
 #include <cstdio>
 #include <filesystem>
+#include <new>
 #include <string>
 
 using namespace gsh;
@@ -59,7 +60,7 @@ int make(BodyOptions options) {
 
 } // namespace
 
-int main(int argc, char** argv) {
+int main(int argc, char** argv) try {
     BodyOptions options;
     CLI::App app("Makes a body in the layout of SMPL-X from MakeHuman's files (CC0).", "gsh-body");
     app.add_option("--makehuman", options.makehuman,
@@ -74,4 +75,6 @@ int main(int argc, char** argv) {
     app.add_option("--seed", options.params.seed, "of the random adults (default 0)");
     app.add_flag("--curve", options.curve, "also print how well different numbers of betas describe adults");
     return run_program(app, argc, argv, [&] { return make(options); });
+} catch (const std::bad_alloc&) {
+    return refuse_without_memory("gsh-body");
 }

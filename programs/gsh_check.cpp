@@ -22,6 +22,7 @@
 #include <cstddef>
 #include <cstdio>
 #include <filesystem>
+#include <new>
 #include <optional>
 #include <string>
 #include <tuple>
@@ -253,7 +254,7 @@ int check(const CheckOptions& options) {
 
 } // namespace
 
-int main(int argc, char** argv) {
+int main(int argc, char** argv) try {
     CheckOptions options;
     CLI::App app("Checks whether the images, cameras, poses and body of a capture match.", "gsh-check");
     app.add_option("capture", options.capture, "folder, in any layout that gsh reads")->required();
@@ -272,4 +273,6 @@ int main(int argc, char** argv) {
         complete_poses(options);
         return check(options);
     });
+} catch (const std::bad_alloc&) {
+    return refuse_without_memory("gsh-check");
 }

@@ -20,6 +20,7 @@
 
 #include <cstddef>
 #include <cstdio>
+#include <new>
 #include <string>
 #include <vector>
 
@@ -117,7 +118,7 @@ int evaluate(const EvaluateOptions& o) {
 
 } // namespace
 
-int main(int argc, char** argv) {
+int main(int argc, char** argv) try {
     EvaluateOptions options;
     CLI::App app("Compares configurations on a capture and writes tables, pictures and a page.", "gsh-evaluate");
     add_options(app, options);
@@ -125,4 +126,6 @@ int main(int argc, char** argv) {
         complete_poses(options.common);
         return evaluate(options);
     });
+} catch (const std::bad_alloc&) {
+    return refuse_without_memory("gsh-evaluate");
 }

@@ -19,6 +19,7 @@
 
 #include <cstdio>
 #include <filesystem>
+#include <new>
 #include <string>
 
 using namespace gsh;
@@ -100,9 +101,11 @@ void add_options(CLI::App& app, ExportOptions& o) {
 
 } // namespace
 
-int main(int argc, char** argv) {
+int main(int argc, char** argv) try {
     ExportOptions options;
     CLI::App app("Writes avatars and scenes in formats that other programs show.", "gsh-export");
     add_options(app, options);
     return run_program(app, argc, argv, [&] { return run_export(options); });
+} catch (const std::bad_alloc&) {
+    return refuse_without_memory("gsh-export");
 }

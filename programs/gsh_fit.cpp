@@ -14,6 +14,7 @@
 
 #include <cstdio>
 #include <filesystem>
+#include <new>
 #include <string>
 #include <vector>
 
@@ -50,7 +51,7 @@ std::filesystem::path detections_of(FitCommand& command, const std::vector<CLI::
 
 } // namespace
 
-int main(int argc, char** argv) {
+int main(int argc, char** argv) try {
     FitCommand command;
     CLI::App app("Fits a body to videos of a person: its motion, and its shape. The folder of what was found becomes a "
                  "capture for gsh-reconstruct.",
@@ -81,4 +82,6 @@ int main(int argc, char** argv) {
         std::printf("next: %s\n", next.c_str());
         return exit_done;
     });
+} catch (const std::bad_alloc&) {
+    return refuse_without_memory("gsh-fit");
 }

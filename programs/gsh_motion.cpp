@@ -16,6 +16,7 @@
 #include <cstddef>
 #include <cstdio>
 #include <filesystem>
+#include <new>
 #include <string>
 #include <utility>
 #include <vector>
@@ -57,7 +58,7 @@ int convert(const MotionOptions& options) {
 
 } // namespace
 
-int main(int argc, char** argv) {
+int main(int argc, char** argv) try {
     MotionOptions options;
     CLI::App app("Converts motions between layouts and rigs.", "gsh-motion");
     app.add_option("input", options.input,
@@ -73,4 +74,6 @@ int main(int argc, char** argv) {
     app.add_flag("--as-stored", options.as_stored,
                  "keep the world of poses as it is stored, instead of turning the body upright");
     return run_program(app, argc, argv, [&] { return convert(options); });
+} catch (const std::bad_alloc&) {
+    return refuse_without_memory("gsh-motion");
 }

@@ -28,6 +28,7 @@
 
 #include <cstdio>
 #include <filesystem>
+#include <new>
 #include <string>
 #include <system_error>
 #include <utility>
@@ -125,7 +126,7 @@ int reconstruct(const ReconstructOptions& options, std::filesystem::path checkpo
 
 } // namespace
 
-int main(int argc, char** argv) {
+int main(int argc, char** argv) try {
     ReconstructOptions options;
     CLI::App app("Reconstructs an animatable avatar from a capture.", "gsh-reconstruct");
     add_options(app, options);
@@ -146,4 +147,6 @@ int main(int argc, char** argv) {
         options.given = given_options(app, {"--help", "--out", "--resume", "--continue"});
         return options.plan ? print_plan(options) : reconstruct(options, checkpoint);
     });
+} catch (const std::bad_alloc&) {
+    return refuse_without_memory("gsh-reconstruct");
 }

@@ -23,6 +23,7 @@
 #include <cmath>
 #include <cstddef>
 #include <filesystem>
+#include <new>
 #include <optional>
 #include <string>
 #include <vector>
@@ -128,7 +129,7 @@ int render(const RenderOptions& options) {
 
 } // namespace
 
-int main(int argc, char** argv) {
+int main(int argc, char** argv) try {
     RenderOptions options;
     CLI::App app("Renders a 3DGS scene or avatars.", "gsh-render");
     app.add_option("scene", options.scenes, "a scene (" + scene_endings() + "), or one or several AVATAR.gsh")
@@ -152,4 +153,6 @@ int main(int argc, char** argv) {
     add_background(app, options.background, "black");
     add_backend(app, options.machine);
     return run_program(app, argc, argv, [&] { return render(options); });
+} catch (const std::bad_alloc&) {
+    return refuse_without_memory("gsh-render");
 }

@@ -22,6 +22,7 @@
 #include <cstddef>
 #include <cstdio>
 #include <filesystem>
+#include <new>
 #include <string>
 #include <system_error>
 #include <utility>
@@ -145,7 +146,7 @@ int make(VideoOptions options) {
 
 } // namespace
 
-int main(int argc, char** argv) {
+int main(int argc, char** argv) try {
     VideoOptions options;
     CLI::App app("From a video of a person to an avatar: finds the person, fits the body, checks, reconstructs.",
                  "gsh-video");
@@ -157,4 +158,6 @@ int main(int argc, char** argv) {
     app.add_flag("--preview", options.preview, "a rough avatar in a third of the time: 400 steps, 30,000 Gaussians");
     add_threads(app, options.threads);
     return run_program(app, argc, argv, [&] { return make(std::move(options)); });
+} catch (const std::bad_alloc&) {
+    return refuse_without_memory("gsh-video");
 }

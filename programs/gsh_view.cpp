@@ -21,6 +21,7 @@
 #include <cstddef>
 #include <cstdio>
 #include <filesystem>
+#include <new>
 #include <string>
 #include <vector>
 
@@ -86,7 +87,7 @@ int view(ViewOptions& options) {
 
 } // namespace
 
-int main(int argc, char** argv) {
+int main(int argc, char** argv) try {
     ViewOptions options;
     CLI::App app("Shows avatars in a browser.", "gsh-view");
     app.add_option("scene", options.scenes, "one or several AVATAR.gsh, or one scene (" + scene_endings() + ")")
@@ -108,4 +109,6 @@ int main(int argc, char** argv) {
     add_detail(app, options.detail);
     add_threads(app, options.machine.threads);
     return run_program(app, argc, argv, [&] { return view(options); });
+} catch (const std::bad_alloc&) {
+    return refuse_without_memory("gsh-view");
 }

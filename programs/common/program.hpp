@@ -55,6 +55,12 @@ inline void parse_command_line(CLI::App& app, int argc, char** argv) {
     app.parse(argc, argv);
 }
 
+/// The exit code where main ends without memory before run_program can tell so.
+inline int refuse_without_memory(const char* program) {
+    std::fprintf(stderr, "%s: out of memory\n", program);
+    return exit_bad_input;
+}
+
 /// Parses the command line, runs the work, and turns every failure into one line on standard error.
 template <class Work>
 int run_program(CLI::App& app, int argc, char** argv, const Work& work) {

@@ -18,6 +18,7 @@
 #include <httplib.h>
 
 #include <algorithm>
+#include <atomic>
 #include <charconv>
 #include <chrono>
 #include <cstddef>
@@ -131,6 +132,52 @@ std::string read_body(const Request& request, const httplib::ContentReader& read
 
 } // namespace
 
+/// Stops a server when a flag is set. Its thread starts with it: where there are no more threads, the error arrives
+/// before the address is told.
+class Stopper {
+public:
+    explicit Stopper(httplib::Server& server) : server_(&server) {}
+    ~Stopper() {
+        ended_ = true;
+        thread_.join();
+    }
+    Stopper(const Stopper&) = delete;
+    Stopper& operator=(const Stopper&) = delete;
+
+    /// Looks at a flag as long as this object lives, also after an error of the server.
+    class Watching {
+    public:
+        Watching(Stopper& stopper, const std::atomic<bool>& flag) : stopper_(&stopper) { stopper.watch(&flag); }
+        ~Watching() { stopper_->watch(nullptr); }
+        Watching(const Watching&) = delete;
+        Watching& operator=(const Watching&) = delete;
+
+    private:
+        Stopper* stopper_;
+    };
+
+private:
+    void watch(const std::atomic<bool>* flag) {
+        const std::lock_guard lock(changing_);
+        flag_ = flag;
+    }
+    void look() {
+        while (!ended_) {
+            {
+                const std::lock_guard lock(changing_);
+                if (flag_ && *flag_) server_->stop(); // again and again: it has no effect before the server runs
+            }
+            std::this_thread::sleep_for(std::chrono::milliseconds(20));
+        }
+    }
+
+    httplib::Server* server_;
+    std::mutex changing_;
+    const std::atomic<bool>* flag_ = nullptr;
+    std::atomic<bool> ended_{false};
+    std::thread thread_{[this] { look(); }}; // last, so that it finds all the others made
+};
+
 class ViewServer::Implementation {
 public:
     Implementation(cpu::Threads& backend, const ViewScene& scene, const ViewServerOptions& options)
@@ -173,21 +220,7 @@ public:
     }
 
     void run(const std::atomic<bool>& stop) {
-        struct Watch {
-            std::atomic<bool> ended{false};
-            std::thread thread = {};
-            ~Watch() { // also after an error of the server
-                ended = true;
-                if (thread.joinable()) thread.join();
-            }
-        } watch;
-        watch.thread = std::thread([&] {
-            while (!stop && !watch.ended) std::this_thread::sleep_for(std::chrono::milliseconds(20));
-            while (!watch.ended) { // stop() has no effect before the server runs
-                server_.stop();
-                std::this_thread::sleep_for(std::chrono::milliseconds(20));
-            }
-        });
+        const Stopper::Watching watching(stopper_, stop);
         server_.listen_after_bind();
     }
 
@@ -283,6 +316,7 @@ private:
     KeptContent gaussians_{"application/octet-stream", Caching::forever, [this] { return package_scene(*scene_); }};
     const std::string key_ = new_key();
     GuardedServer server_{key_, {.body_bytes = largest_motion}};
+    Stopper stopper_{server_};
     int port_ = 0;
 };
 

@@ -5,6 +5,8 @@
 #include <gsh/io/file/crc32.hpp>
 #include <gsh/io/image/image_file.hpp>
 
+#include <stb/stb_image_write.h>
+
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>

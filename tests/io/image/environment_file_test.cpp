@@ -3,6 +3,8 @@
 
 #include "io/temporary.hpp"
 
+#include <stb/stb_image_write.h>
+
 #include <cmath>
 #include <cstddef>
 #include <cstdint>

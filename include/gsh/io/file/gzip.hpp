@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  gzip and raw deflate streams in memory: compresses, and inflates no more than is asked for.
+/// @file  gzip, zlib and raw deflate streams in memory: compresses, and inflates no more than is asked for.
 #pragma once
 
 #include <gsh/core/error.hpp>
@@ -81,7 +81,7 @@ private:
 
 namespace detail {
 
-/// window_bits 15 + 16 for gzip, -15 for deflate without a header.
+/// window_bits 15 + 16 for gzip, 15 for zlib, -15 for deflate without a header.
 inline std::string compressed_by_zlib(std::string_view bytes, int level, int window_bits) {
     z_stream stream{};
     if (deflateInit2(&stream, level, Z_DEFLATED, window_bits, 9, Z_DEFAULT_STRATEGY) != Z_OK)
@@ -110,6 +110,11 @@ inline std::string compressed_by_zlib(std::string_view bytes, int level, int win
 /// A gzip stream. The same bytes give the same stream: it has no time and no name.
 [[nodiscard]] inline std::string gzip(std::string_view bytes, int level = 9) {
     return detail::compressed_by_zlib(bytes, level, 15 + 16);
+}
+
+/// A zlib stream, as PNG images have it.
+[[nodiscard]] inline std::string zlib_stream(std::string_view bytes, int level = 9) {
+    return detail::compressed_by_zlib(bytes, level, 15);
 }
 
 /// A deflate stream without header and checksum, as members of zip archives have it.

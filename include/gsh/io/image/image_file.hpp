@@ -11,9 +11,10 @@
 #include <gsh/io/image/exif.hpp>
 #include <gsh/io/image/image_bounds.hpp>
 #include <gsh/io/image/jpeg_structure.hpp>
+#include <gsh/io/image/png_structure.hpp>
+#include <gsh/io/image/png_writer.hpp>
 
 #include <stb/stb_image.h>
-#include <stb/stb_image_write.h>
 
 #include <algorithm>
 #include <cmath>
@@ -157,14 +158,7 @@ inline std::string encode_png(const PixelImage& image) {
     check_size("encode_png", "image", image.data.size(),
                static_cast<std::size_t>(image.channels) * static_cast<std::size_t>(image.height) *
                    static_cast<std::size_t>(image.width));
-    std::string bytes;
-    const auto append = [](void* context, void* data, int size) {
-        static_cast<std::string*>(context)->append(static_cast<const char*>(data), static_cast<std::size_t>(size));
-    };
-    if (!stbi_write_png_to_func(append, &bytes, image.width, image.height, image.channels, image.data.data(),
-                                image.width * image.channels))
-        throw IoError("encode_png: the image could not be encoded");
-    return bytes;
+    return detail::png_bytes(image.data.data(), image.height, image.width, image.channels);
 }
 
 template <class T>
