@@ -230,6 +230,7 @@
 #include <gsh/learn/learned_field.hpp>
 #include <gsh/learn/learned_light.hpp>
 #include <gsh/learn/part_size.hpp>
+#include <gsh/learn/summed_gradients.hpp>
 
 #include <gsh/photo/backdrop.hpp>
 #include <gsh/photo/loss_term.hpp>
