@@ -17,8 +17,8 @@
 
 namespace gsh::programs {
 
-/// A file that is written into the folder NAME.new/ beside its target, and is then moved by move_all. NAME.lock is there
-/// meanwhile (FileLock). A link is kept, and what it leads to is replaced. A device or a pipe is written directly.
+/// A file that is written into the folder NAME.new/ beside its target, and is then moved by move_all. NAME.lock is
+/// there meanwhile (FileLock). A link is kept; what it leads to is replaced. Devices and pipes are written directly.
 /// Errors  IoError naming the path that cannot be created, or the process that writes it.
 class StagedFile {
 public:

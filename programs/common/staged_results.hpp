@@ -62,8 +62,8 @@ public:
         moves_.push_back({folder_ / name, folder_ / other});
     }
 
-    /// Declares that what is there as `name`, if anything, is removed. The destructor removes the folder that it was in,
-    /// if that is empty then.
+    /// Declares that what is there as `name`, if anything, is removed. The destructor removes the folder that it was
+    /// in, if that is empty then.
     void remove(const std::string& name) {
         std::error_code ignored;
         if (!std::filesystem::exists(folder_ / name, ignored)) return;

@@ -36,8 +36,8 @@ struct FittedCapture {
 /// written to each path in `to`; with several people to NAME_PERSON of it. All files appear together or not at all. The
 /// folder must be locked (StagedResults).
 ///
-/// Errors  those of load_detections and fit_people; ValueError if nobody was found, or fewer people than were asked for;
-///         IoError for files that cannot be written.
+/// Errors  those of load_detections and fit_people; ValueError if nobody was found, or fewer people than were asked
+///         for; IoError for files that cannot be written.
 FittedCapture fit_capture(const FitOptions& options, const std::vector<std::filesystem::path>& to);
 
 } // namespace gsh::programs

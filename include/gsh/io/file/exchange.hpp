@@ -25,12 +25,12 @@ struct FileMove {
 
 /// Moves files and folders into place, in order: a file takes the place of a file, a folder that of a folder. If one
 /// cannot be moved, those before it go back, and what they replaced is there again. Contents of files are on the disk
-/// before the first name changes, and names when the function returns; the files of a folder are for the caller to sync.
-/// After a power failure in between, each name has its old contents or its new ones.
+/// before the first name changes, and names when the function returns; the caller syncs the files of a folder. After a
+/// power failure in between, each name has its old contents or its new ones.
 ///
-/// What is replaced is removed, or left at `from` or `from`.old, which is for the caller to remove. On a file system that
-/// cannot exchange two names, a replaced file is not there again after an error, and a replaced folder is missing for a
-/// moment.
+/// What is replaced is removed, or left at `from` or `from`.old, which is for the caller to remove. On a file system
+/// that cannot exchange two names, a replaced file is not there again after an error, and a replaced folder is missing
+/// for a moment.
 /// Errors  IoError naming the path that cannot be synced or moved.
 inline void move_all(const std::vector<FileMove>& moves);
 
