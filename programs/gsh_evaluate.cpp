@@ -89,8 +89,10 @@ int evaluate(const EvaluateOptions& o) {
     for (const std::string& warning : input.warnings) warn(warning);
     watch_interrupts();
 
+    std::vector<RunResult> results; // those that are written
     const auto write = [&] {
-        write_evaluation(folder, input.capture.name, evaluator.views(), evaluator.test_photos(), folder.results());
+        results = folder.results();
+        write_evaluation(folder, input.capture.name, evaluator.views(), evaluator.test_photos(), results);
     };
     for (std::size_t i = 0; i < runs.size(); ++i) {
         const Run& run = runs[i];
@@ -111,8 +113,8 @@ int evaluate(const EvaluateOptions& o) {
             if (result.folder == run.options.out) std::printf("%s\n", summary(result).c_str());
         write();
     }
-    write();
-    std::printf("\n%sresults in %s\n", markdown_tables(folder.results()).c_str(), o.common.out.c_str());
+    if (results.empty()) write(); // all were finished already
+    std::printf("\n%sresults in %s\n", markdown_tables(results).c_str(), o.common.out.c_str());
     return exit_done;
 }
 

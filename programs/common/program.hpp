@@ -40,6 +40,9 @@ inline void return_freed_arrays() {
 #endif
 }
 
+/// Memory is set aside before main(), because the options are made outside of run_program, which reports errors.
+inline const bool memory_is_set_aside = (set_memory_aside(), true);
+
 /// Opens /dev/null in the place of standard streams that are closed. A file that is written would take their number,
 /// and messages would go into it.
 inline void open_standard_streams() {
@@ -71,7 +74,7 @@ int run_program(CLI::App& app, int argc, char** argv, const Work& work) {
     };
     open_standard_streams();
     return_freed_arrays();
-    set_memory_aside();
+    set_memory_aside(); // anew, if it was needed
     std::signal(SIGXFSZ, SIG_IGN); // a limit on file sizes then becomes an error of write, which has a message
     try {
         parse_command_line(app, argc, argv);

@@ -4,6 +4,7 @@
 #include "common/base64.hpp"
 #include "common/figures.hpp"
 #include "common/report.hpp"
+#include "common/staged_results.hpp"
 #include "evaluate/evaluation_runs.hpp"
 #include "evaluate/evaluation_tables.hpp"
 
@@ -14,7 +15,6 @@
 #include <algorithm>
 #include <cstddef>
 #include <filesystem>
-#include <system_error>
 #include <utility>
 
 namespace gsh::programs {
@@ -60,6 +60,7 @@ void write_evaluation(const EvaluationFolder& folder, const std::string& capture
     using namespace detail;
     const std::string title = "Evaluation on " + capture;
     std::string markdown = "# " + title + "\n\n" + markdown_tables(results) + "## Pictures\n", page = page_head(title);
+    StagedResults out(folder.path(""));
     bool first = true;
     for (const Section& section : table_sections(results)) {
         page += "<h2>" + escape(section.title) + "</h2><p>" + escape(section.text) + "</p>" + table(section.table);
@@ -81,13 +82,12 @@ void write_evaluation(const EvaluationFolder& folder, const std::string& capture
         }
         markdown += "\n";
         page += "</table>";
-        std::error_code ignored; // write_png reports the error
-        std::filesystem::create_directories(folder.path(file).parent_path(), ignored);
-        write_png(folder.path(file), stacked(pixels));
+        write_png(out.file(file), stacked(pixels));
     }
-    write_json(folder.path("tables.json"), json_tables(results));
-    write_file(folder.path("report.html"), page + "</body></html>\n");
-    write_file(folder.path("tables.md"), markdown);
+    write_json(out.file("tables.json"), json_tables(results));
+    write_file(out.file("report.html"), page + "</body></html>\n");
+    write_file(out.file("tables.md"), markdown);
+    out.commit();
 }
 
 } // namespace gsh::programs

@@ -14,7 +14,7 @@ namespace gsh::programs {
 
 class EvaluationFolder;
 
-/// Rewrites all output files from the results, of which there must be at least one. Each file is replaced atomically.
+/// Rewrites all output files from the results, of which there must be at least one: all of them or none.
 void write_evaluation(const EvaluationFolder& folder, const std::string& capture, const std::vector<ShownView>& views,
                       const std::vector<Photo>& photos, const std::vector<RunResult>& results);
 

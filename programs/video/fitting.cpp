@@ -5,6 +5,8 @@
 #include "common/input_files.hpp"
 #include "common/motion_output.hpp"
 #include "common/progress.hpp"
+#include "common/staged_file.hpp"
+#include "common/staged_results.hpp"
 #include "video/filmed_people.hpp"
 
 #include <gsh/body/body_model.hpp>
@@ -21,8 +23,6 @@
 #include <gsh/io/capture/camera_file.hpp>
 #include <gsh/io/capture/detections.hpp>
 #include <gsh/io/file/atomic_file.hpp>
-#include <gsh/io/file/disk_sync.hpp>
-#include <gsh/io/file/folder_lock.hpp>
 #include <gsh/io/image/image_file.hpp>
 #include <gsh/io/motion/motion_file.hpp>
 #include <gsh/math/spread.hpp>
@@ -32,6 +32,7 @@
 #include <cstddef>
 #include <filesystem>
 #include <iterator>
+#include <list>
 #include <memory>
 #include <optional>
 #include <string>
@@ -119,10 +120,30 @@ private:
     double usual_ = 0;  // metres
 };
 
+/// Pictures of a camera, which take the place of those of a fit before this one; where there are none, these go.
+class CameraPictures {
+public:
+    CameraPictures(StagedResults& out, std::string folder) : out_(&out), name_(std::move(folder)) {}
+
+    void add(const std::string& file, const PixelImage& picture) {
+        if (folder_.empty()) folder_ = out_->whole_folder(name_);
+        write_png(folder_ / file, picture);
+    }
+    void finish() {
+        if (folder_.empty()) out_->remove(name_);
+    }
+
+private:
+    StagedResults* out_;
+    std::string name_;
+    fs::path folder_; // once there is a picture
+};
+
 /// Writes the mended masks to masks/, what is hidden to hidden/, and where the bodies are to bodies/ (image_of_claims).
-/// The detector's masks go to masks_detected/, from which the next fit reads them.
-MendedMasks mend_masks(const fs::path& folder, const Detections& detections, LoadedMasks& masks, const BodyModel& model,
-                       const std::vector<Fitted>& people, const std::vector<Camera<double>>& cameras) {
+/// The detector's masks in `folder` go to masks_detected/, from which the next fit reads them.
+MendedMasks mend_masks(const fs::path& folder, StagedResults& out, const Detections& detections, LoadedMasks& masks,
+                       const BodyModel& model, const std::vector<Fitted>& people,
+                       const std::vector<Camera<double>>& cameras) {
     MendedMasks result;
     const std::size_t C = cameras.size(), T = detections.times.size();
     std::vector<std::unique_ptr<MendingBody>> bodies;
@@ -134,19 +155,12 @@ MendedMasks mend_masks(const fs::path& folder, const Detections& detections, Loa
                 if (const MaskView mask = masks.at(c, t); mask && body->seen(t)) body->watch(t, cameras[c], mask);
     for (std::size_t c = 0; c < C; ++c) {
         if (masks.images[c].empty()) continue;
-        const fs::path from = folder / "masks" / detections.cameras[c].name,
-                       kept = folder / "masks_detected" / detections.cameras[c].name,
-                       hiding = folder / "hidden" / detections.cameras[c].name,
-                       shown_bodies = folder / "bodies" / detections.cameras[c].name;
+        const std::string& camera = detections.cameras[c].name;
         std::error_code error;
-        fs::remove_all(hiding, error), fs::remove_all(shown_bodies, error); // of a fit before this one
-        if (!fs::exists(kept, error)) {
-            create_folder(kept.parent_path());
-            fs::rename(from, kept, error);
-            if (error) throw IoError(kept.string() + ": cannot be written: " + error.message());
-        }
-        create_folder(from); // also where a run before this one ended between the two
-        for (const fs::path& renamed : {kept, from}) sync_to_disk(folder_of(renamed));
+        if (fs::exists(folder / "masks" / camera, error) && !fs::exists(folder / "masks_detected" / camera, error))
+            out.rename("masks/" + camera, "masks_detected/" + camera);
+        const fs::path mended = out.whole_folder("masks/" + camera);
+        CameraPictures hiding(out, "hidden/" + camera), shown_bodies(out, "bodies/" + camera);
         for (std::size_t t = 0; t < T; ++t) {
             if (!detections.has_mask(c, t)) continue;
             const std::string name = detections.masks[c][t].stem().string() + ".png"; // it may have been a JPEG
@@ -166,20 +180,17 @@ MendedMasks mend_masks(const fs::path& folder, const Detections& detections, Loa
                 if (std::all_of(claims.begin(), claims.end(), [](const MaskClaim& claim) { return claim.believed; })) {
                     PixelImage silhouettes(1, mask.height, mask.width);
                     silhouettes.data = image_of_claims(claims);
-                    create_folder(shown_bodies);
-                    write_file(shown_bodies / name, encode_png(silhouettes));
+                    shown_bodies.add(name, silhouettes);
                 }
                 PixelImage hidden(1, mask.height, mask.width);
                 const MaskChange change = mend_mask(claims, mask.data, hidden.data, cut);
                 result.cut += change.removed > 0.01, result.hidden += change.hidden > 0.01;
-                if (change.hidden > 0) {
-                    create_folder(hiding);
-                    write_file(hiding / name, encode_png(hidden));
-                }
+                if (change.hidden > 0) hiding.add(name, hidden);
             }
-            write_file(from / name, encode_png(mask));
+            write_png(mended / name, mask);
             shown.show(static_cast<double>(c * T + t + 1) / static_cast<double>(C * T), "");
         }
+        hiding.finish(), shown_bodies.finish();
     }
     return result;
 }
@@ -307,6 +318,7 @@ std::vector<std::string> FittedCapture::poses_option() const {
 
 FittedCapture fit_capture(const FitOptions& options, const std::vector<std::filesystem::path>& to) {
     const WantedPeople wanted(options.people);
+    StagedResults out(options.detections);
     Detections detections = load_detections(options.detections);
     const BodyModel body = body_of_file(options.body);
     const std::size_t C = detections.cameras.size(), T = detections.times.size();
@@ -320,6 +332,10 @@ FittedCapture fit_capture(const FitOptions& options, const std::vector<std::file
     check_value(options.heights.empty() || options.heights.size() == P, "--height",
                 "has " + std::to_string(options.heights.size()) + " heights for " + std::to_string(P) +
                     (P == 1 ? " person" : " people"));
+
+    std::list<StagedFile> motions_to; // of each person; before the fit, which takes minutes
+    for (const FilmedPerson& person : filmed.people)
+        for (const auto& path : to) motions_to.emplace_back(path_of_person(path, P == 1 ? "" : person.name));
 
     LoadedMasks masks(detections);
     for (FilmedPerson& person : filmed.people)
@@ -361,7 +377,7 @@ FittedCapture fit_capture(const FitOptions& options, const std::vector<std::file
         camera.cx += found.shifts[c].x, camera.cy += found.shifts[c].y;
         seen_by.push_back(camera);
     }
-    const MendedMasks mended = mend_masks(options.detections, detections, masks, body, people, seen_by);
+    const MendedMasks mended = mend_masks(options.detections, out, detections, masks, body, people, seen_by);
     if (!detections.calibrated) { // the world is the camera's: make it one to stand in
         std::vector<Motion> motions;
         for (const MotionFit& fit : fits) motions.push_back(fit.motion);
@@ -379,7 +395,7 @@ FittedCapture fit_capture(const FitOptions& options, const std::vector<std::file
     if (T > 1) list.fps = static_cast<double>(T - 1) / (detections.times.back() - detections.times.front());
     for (std::size_t t = options.test_every / 2; options.test_every > 0 && t < T; t += options.test_every)
         list.test_frames.push_back(static_cast<int>(t));
-    write_cameras(options.detections / "cameras.json", list);
+    write_cameras(out.file("cameras.json"), list);
 
     FittedCapture result;
     result.masks_by_body = detections.masks_by_body;
@@ -392,6 +408,7 @@ FittedCapture fit_capture(const FitOptions& options, const std::vector<std::file
                                " people are in view, and the one who is seen longest " +
                                "and largest was fitted: --people " + std::to_string(filmed.in_view) + " fits all");
     std::vector<std::string> of_formats;
+    auto motion_to = motions_to.begin();
     for (std::size_t p = 0; p < P; ++p) {
         const FilmedPerson& person = filmed.people[p];
         const std::string prefix = P == 1 ? "" : person.name + ": ";
@@ -401,7 +418,7 @@ FittedCapture fit_capture(const FitOptions& options, const std::vector<std::file
         for (const std::string& note : advice_of_person(detections, fits[p], unseen, absent[p]))
             result.notes.push_back(prefix + note);
         const double height = BodyHeight(body, body.shape_count).of(fits[p].motion.betas);
-        save_motion(options.detections / person.poses(), fits[p].motion);
+        save_motion(out.file(person.poses()), fits[p].motion);
         result.poses.push_back(person.poses());
         Json report = report_of(detections, fits[p], height, unseen);
         if (P > 1) {
@@ -409,13 +426,19 @@ FittedCapture fit_capture(const FitOptions& options, const std::vector<std::file
             report = Json{{"name", person.name}, {"poses", person.poses()}, {"fit", report}};
         }
         reports.push_back(report);
-        for (const auto& path : to)
-            write_motion(path_of_person(path, P == 1 ? "" : person.name), fits[p].motion, body, of_formats);
+        for (std::size_t i = 0; i < to.size(); ++i, ++motion_to) {
+            std::vector<std::string> said;
+            write_motion(motion_to->file(), fits[p].motion, body, said);
+            for (const std::string& note : said) of_formats.push_back(motion_to->named(note));
+        }
     }
     for (const std::string& note : advice_of_capture(detections, found, held, options, mended))
         result.notes.push_back(note);
     result.notes.insert(result.notes.end(), of_formats.begin(), of_formats.end());
-    write_file(options.detections / "fit.json", (P == 1 ? reports[0] : Json{{"people", reports}}).dump(1) + "\n");
+    write_file(out.file("fit.json"), (P == 1 ? reports[0] : Json{{"people", reports}}).dump(1) + "\n");
+    for (const StagedFile& file : motions_to)
+        if (auto move = file.move()) out.move(std::move(*move));
+    out.commit();
     return result;
 }
 

@@ -33,9 +33,11 @@ struct FittedCapture {
 
 /// Fits the people of a detector's folder, and makes the folder a capture: cameras.json, poses.npz or NAME.npz for each
 /// person, and fit.json with the figures of the fit. Masks are mended; other files are not touched. The motion is also
-/// written to each path in `to`; with several people to NAME_PERSON of it.
+/// written to each path in `to`; with several people to NAME_PERSON of it. All files appear together or not at all. The
+/// folder must be locked (StagedResults).
 ///
-/// Errors  those of load_detections and fit_people; ValueError if nobody was found, or fewer people than were asked for.
+/// Errors  those of load_detections and fit_people; ValueError if nobody was found, or fewer people than were asked
+///         for; IoError for files that cannot be written.
 FittedCapture fit_capture(const FitOptions& options, const std::vector<std::filesystem::path>& to);
 
 } // namespace gsh::programs

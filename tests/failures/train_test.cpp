@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 /// Each allocation fails in turn in steps of training: the step can be taken again, and ends with the same bits.
 #include <gsh/cpu.hpp>
+#include <gsh/setup/configuration.hpp>
 
 #include "failures/failing_allocations.hpp"
 #include "support/small_training.hpp"
@@ -19,8 +20,10 @@ TEST_CASE("memory runs out in a step of training, with every configuration") {
     light.light = true, light.lights.points = 1, light.lights.directions = 2;
     time.ao = AmbientOcclusion::time, time.model.occlusion_start = 0;
     pose.ao = AmbientOcclusion::pose, pose.model.occlusion_start = 0;
+    ConfiguredAvatarParams paper = named_configuration("paper").avatar;
+    paper.model.occlusion_start = paper.model.sh_start = 0; // all parts, from the first step on
     const std::pair<const char*, const ConfiguredAvatarParams*> configurations[] = {
-        {"quick", &field}, {"light", &light}, {"time", &time}, {"pose", &pose}};
+        {"quick", &field}, {"light", &light}, {"time", &time}, {"pose", &pose}, {"paper", &paper}};
     test::Exhausted sum;
     for (const auto& [name, avatar] : configurations) {
         using Training = test::SmallTraining<cpu::Serial>;

@@ -74,3 +74,40 @@ TEST_CASE("a symbolic link in the way is replaced, not followed") {
     CHECK(files.in_place("c") == "new c");
     CHECK(read_file(files.place / "elsewhere") == "of somebody else");
 }
+
+TEST_CASE("a folder takes the place of a folder as a whole, and goes back with the files") {
+    const NewFiles files;
+    const fs::path fresh = files.place / "fresh", aside = files.place / "aside", old = files.place / "old";
+    fs::create_directory(fresh);
+    write_file(fresh / "d", "new d");
+    const std::vector<FileMove> moves{{fresh, old}, {files.place / "new/c", old / "c"}};
+    move_all(moves);
+    CHECK(read_file(old / "d") == "new d");
+    CHECK(read_file(old / "c") == "new c");
+    CHECK(read_file(fresh / "a") == "old a"); // where the file system exchanges names; else fresh.old
+    fs::create_directory(files.place / "taken");
+    // A folder gets another name, and a new one its own; then an error.
+    test::check_throws<IoError>(
+        [&] {
+            move_all({{old, aside}, {fresh, old}, {files.place / "new/b", files.place / "taken"}});
+        },
+        {"taken: cannot be written"});
+    CHECK(!fs::exists(aside));
+    CHECK(read_file(old / "d") == "new d");
+    CHECK(read_file(fresh / "a") == "old a");
+}
+
+TEST_CASE("a file does not take the place of a folder, nor a folder that of a file") {
+    const NewFiles files;
+    test::check_throws<IoError>(
+        [&] {
+            move_all({{files.place / "new/a", files.place / "old"}});
+        },
+        {"old: cannot be written"});
+    test::check_throws<IoError>(
+        [&] {
+            move_all({{files.place / "new", files.place / "old/a"}});
+        },
+        {"old/a: cannot be written"});
+    CHECK(files.in_place("a") == "old a");
+}
