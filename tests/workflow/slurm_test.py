@@ -204,7 +204,7 @@ def make_subjects(bin_folder: Path, work: Path, count: int) -> dict[str, str]:
 
 class Trouble:
     """Kills, drains and restarts random nodes at random moments, each kind so many times. Kinds overlap in time, but no
-    two strike the same node at once."""
+    two strike the same node at once. A job that Slurm holds is released, as docs/many.md tells users."""
 
     def __init__(self, cluster: Cluster, work: Path, times: int, seed: int) -> None:
         self.cluster, self.work, self.times = cluster, work, times
@@ -216,7 +216,7 @@ class Trouble:
         self.threads = [
             threading.Thread(target=self.go, args=(kind, random.Random(f"{seed} {kind}")), daemon=True)
             for kind in ("kill", "drain", "restart")
-        ]
+        ] + [threading.Thread(target=self.release, daemon=True)]
         for thread in self.threads:
             thread.start()
 
@@ -239,6 +239,16 @@ class Trouble:
                     self.happened[kind] += 1
         except BaseException as error:
             self.fault = error
+
+    def release(self) -> None:
+        """Slurm 22.05 holds a job that comes back to a node where the folder of its killed start remains."""
+        while not self.over.wait(5):
+            for line in output("squeue", "-h", "-t", "PD", "-o", "%A %r").splitlines():
+                job, reason = line.split(" ", 1)
+                if "held" in reason:
+                    print(f"released {job}: {reason}", flush=True)
+                    run("scontrol", "release", job)
+                    self.happened["release"] += 1
 
     def training(self) -> set[str]:
         """Nodes on which a subject that has a checkpoint is trained."""
