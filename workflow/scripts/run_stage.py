@@ -30,7 +30,7 @@ from typing import Any
 
 TRANSIENT = ("out of memory", "No space left on device", "is writing there")  # of messages: another attempt may succeed
 INTERRUPTED = {130, -signal.SIGTERM, -signal.SIGINT}
-NOTE_SECONDS = 10.0  # after so many seconds each, the record notes that the program still runs
+NOTE_SECONDS = 0.5, 10.0  # the record notes that a program runs when its time has doubled; least and longest pause
 
 
 def main() -> int:
@@ -136,9 +136,10 @@ def run(
             process.terminate()
         code = None
         while code is None:
-            note(time.monotonic() - start)
+            seconds = time.monotonic() - start
+            note(seconds)
             try:
-                code = process.wait(NOTE_SECONDS)
+                code = process.wait(min(max(seconds, NOTE_SECONDS[0]), NOTE_SECONDS[1]))
             except subprocess.TimeoutExpired:
                 pass
     state, line = judge(code, last_line(log), accepted)
