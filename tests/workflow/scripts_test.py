@@ -9,10 +9,12 @@ import tempfile
 import time
 import unittest
 from pathlib import Path
+from unittest import mock
 
 SCRIPTS = Path(__file__).resolve().parents[2] / "workflow" / "scripts"
 sys.dont_write_bytecode = True
 sys.path.insert(0, str(SCRIPTS))
+import run_stage  # noqa: E402
 from report import Expected, by_quality, read_result, write_report  # noqa: E402
 from run_stage import last_line  # noqa: E402
 from snakemake.exceptions import WorkflowError  # noqa: E402
@@ -179,6 +181,49 @@ class Stage(InFolder):
                 self.assertEqual((code, record["state"], record["line"]), (1, "failed", line))
                 self.assertEqual(record["attempt"], int(attempt))
 
+    def test_a_stage_is_not_tried_again_where_the_next_one_refused(self):
+        then, script = self.folder / "logs/then.json", f"echo run >>{self.folder}/runs"
+        then.parent.mkdir()
+        refusal = json.dumps({"state": "refused", "line": "gsh: --x is unknown"})
+        for attempt, content, code, runs in (
+            ("1", refusal, 0, 1),  # of an earlier run
+            ("2", None, 0, 2),
+            ("2", json.dumps({"state": "failed", "line": "killed"}), 0, 3),
+            ("2", refusal, 1, 3),
+        ):
+            then.unlink(missing_ok=True)
+            if content:
+                then.write_text(content)
+            found, _, said = self.run_stage(script, "--attempt", attempt, "--then", then)
+            self.assertEqual((found, said), (code, "gsh: --x is unknown\n" if code else ""))
+            self.assertEqual((self.folder / "runs").read_text().count("run"), runs)
+
+    def test_seconds_and_starts_of_all_attempts_count_until_one_is_done(self):
+        self.run_stage("sleep 0.2; exit 130")
+        first = json.loads((self.folder / "logs/s.json").read_text())
+        self.assertEqual((first["starts"], first["earlier_seconds"]), (1, 0))
+        script = f"[ -e {self.folder}/again ] && exit 0; sleep 0.7; kill -KILL $PPID"  # with the script
+        self.start(script).communicate()
+        killed = json.loads((self.folder / "logs/s.json").read_text())
+        self.assertEqual((killed["state"], killed["starts"], killed["earlier_seconds"]), ("running", 1, 0))
+        self.assertGreaterEqual(killed["seconds"], 0.5)
+        self.start(script).communicate()  # now of the same command
+        (self.folder / "again").touch()
+        _, record, _ = self.run_stage(script)
+        self.assertEqual((record["state"], record["starts"]), ("done", 3))
+        self.assertGreaterEqual(record["earlier_seconds"], 1)
+        _, record, _ = self.run_stage(script)
+        self.assertEqual((record["starts"], record["earlier_seconds"]), (1, 0))
+
+    def test_a_record_grows_while_a_program_runs(self):
+        seconds = []
+        with mock.patch.object(run_stage, "NOTE_SECONDS", (0.05, 0.1)):
+            record = run_stage.run(["sleep", "0.5"], self.folder / "log", None, [0], seconds.append)
+        self.assertGreaterEqual(len(seconds), 4)
+        self.assertEqual(seconds, sorted(seconds))
+        self.assertLess(seconds[-1], record["seconds"])
+        self.assertEqual(run_stage.seconds_of({"seconds": 2, "earlier_seconds": 3}), 5)
+
     def test_findings_are_the_line_unless_they_are_ignored(self):
         found = self.folder / "check.json"
         found.write_text('{"findings": [{"text": "turned"}, {"text": "small"}]}')
@@ -278,7 +323,7 @@ class Report(InFolder):
         names = [f"s{k:02}" for k in range(12)]
         for k, name in enumerate(names):
             self.make(name, 20.0 + k)
-        self.record("bad", "check", state="refused", line="c.json: <is> bad", attempt=3, seconds=1)
+        self.record("bad", "check", state="refused", line="c.json: <is> bad", starts=3, seconds=1)
         lines, page, table = self.write(*names, "bad", "later", pictures=11)
         self.assertEqual(lines, ["bad: check: c.json: <is> bad", "later: not run: nothing was tried"])
         self.assertIn("12 of 14 avatars are made", page)
@@ -298,6 +343,14 @@ class Report(InFolder):
         self.assertEqual(self.write("a")[0], [])
         self.record("a", "check", state="failed", line="killed by SIGKILL")
         self.assertEqual(self.write("a")[0], ["a: check: killed by SIGKILL"])
+
+    def test_seconds_of_all_attempts_count_and_a_stage_that_did_not_end_is_a_failure(self):
+        self.make("a", seconds=15.0, earlier_seconds=100.0, starts=4)
+        self.assertIn("a,done,40.000,30.000,33.000,,120.00,12.50,5,170000,4,", self.write("a")[2])
+        self.record("a", "reconstruct", state="running", line="did not end", seconds=7.0, earlier_seconds=1.0)
+        lines, _, table = self.write("a")
+        self.assertEqual(lines, ["a: reconstruct: did not end"])
+        self.assertIn("a,failed,,,,,13.00,", table)
 
     def test_a_subject_whose_files_are_gone_is_not_done(self):
         self.make("a")

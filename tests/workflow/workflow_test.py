@@ -107,7 +107,8 @@ class Workflow(unittest.TestCase):
     def test_2_a_killed_job_goes_on_with_the_same_bits(self):
         ann, bob = WORK / "results" / "ann", WORK / "results" / "bob"
         record = json.loads((ann / "logs" / "reconstruct.json").read_text())
-        self.assertEqual(record["attempt"], 2)
+        self.assertEqual((record["attempt"], record["starts"]), (2, 2))
+        self.assertGreater(record["earlier_seconds"], 0)
         self.assertFalse((ann / "avatar" / "checkpoint.gsh").exists())
         for name in ("avatar/avatar.gsh", "avatar/avatar.ply", "avatar/preview.png", "exports/avatar.spz"):
             self.assertEqual((ann / name).read_bytes(), (bob / name).read_bytes(), name)

@@ -27,6 +27,7 @@ rule check:
         runtime=loading_minutes,
     shell:
         "{RUN_STAGE} --record {params.check_record:q} --log {log.check:q} --attempt {resources.attempt} {params.accept}"
+        " --then {params.plan_record:q}"
         " --findings {output.check:q} --out $(dirname {output.check:q})"
         " -- {PROGRAMS}gsh-check {params.capture} --threads {threads} &&"
         " exec {RUN_STAGE} --record {params.plan_record:q} --log {log.plan:q} --attempt {resources.attempt}"

@@ -14,7 +14,7 @@ from statistics import fmean, median
 from typing import Any
 
 import jinja2
-from run_stage import read_record, write_whole
+from run_stage import read_record, seconds_of, write_whole
 
 FIGURES = ("psnr", "psnr_person", "psnr_face", "psnr_hands")
 COLUMNS = (
@@ -52,11 +52,11 @@ class Result:
     stage: str = ""  # that failed
     line: str = ""  # why
     figures: dict[str, float] = field(default_factory=lambda: dict.fromkeys(FIGURES, math.nan))
-    seconds: float = 0  # of all stages
+    seconds: float = 0  # of all stages and all their attempts
     training_seconds: float = math.nan
     memory: int = 0  # bytes at most
     gaussians: int = 0
-    attempts: int = 0  # of the stage that took most
+    attempts: int = 0  # of the stage that took most, those included that Slurm put back into the queue
     verdict: str = ""
     findings: list[str] = field(default_factory=list)
     page: str = ""  # of the avatar, relative to the report
@@ -86,9 +86,9 @@ def read_result(records: Path, expected: Expected) -> Result:
         if record.get("state") not in (None, "done"):
             result.state, result.stage, result.line = "failed", stage, str(record.get("line", ""))
             break  # later stages are of an earlier run
-    result.seconds = sum(float(record.get("seconds", 0)) for record in found)
+    result.seconds = sum(seconds_of(record) for record in found)
     result.memory = max((int(record.get("peak_memory_bytes", 0)) for record in found), default=0)
-    result.attempts = max((int(record.get("attempt", 1)) for record in found if record), default=0)
+    result.attempts = max((int(record.get("starts", 1)) for record in found if record), default=0)
     result.findings = [text for record in found for text in record.get("findings", [])]
     for record in found:
         if figures := record.get("figures"):

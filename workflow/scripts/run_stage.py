@@ -1,19 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
 """Runs a program of gsh as a stage of a subject, and leaves a record of it: what came of it, in which time and memory.
 
-    run_stage.py --record FILE.json --log FILE.log [--attempt N] [--accept CODE]... [--stdout FILE]
+    run_stage.py --record FILE.json --log FILE.log [--attempt N] [--then FILE.json] [--accept CODE]... [--stdout FILE]
                  [--findings CHECK.json] [--out FOLDER [--work FOLDER] [--figures NAME] [--basis FILE] [--remove PATTERN]]
                  -- PROGRAM ARGUMENT...
 
 SIGTERM and SIGINT reach the program as SIGTERM, which does no harm where it also comes from elsewhere, and the program
 is waited for: gsh-reconstruct then writes a checkpoint. An input that a program refuses is as bad the second time, so a
-later attempt ends at once with the same line. Attempts after a lack of memory, a kill or an interruption run again.
-Needs nothing but Python."""
+later attempt ends at once with the same line. Attempts after a lack of memory, a kill or an interruption run again. A
+record is there from the start of a program, so that one that was killed with this script has a record, too, and its
+seconds count. Needs nothing but Python."""
 
 from __future__ import annotations
 
 import argparse
 import base64
+import contextlib
 import json
 import os
 import resource
@@ -22,11 +24,13 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 TRANSIENT = ("out of memory", "No space left on device", "is writing there")  # of messages: another attempt may succeed
 INTERRUPTED = {130, -signal.SIGTERM, -signal.SIGINT}
+NOTE_SECONDS = 0.5, 10.0  # the record notes that a program runs when its time has doubled; least and longest pause
 
 
 def main() -> int:
@@ -34,6 +38,8 @@ def main() -> int:
     parser.add_argument("--record", type=Path, required=True)
     parser.add_argument("--log", type=Path, required=True)
     parser.add_argument("--attempt", type=int, default=1)
+    parser.add_argument("--then", type=Path, help="the record of the next stage in the same job: if that was refused, "
+                        "a later attempt ends at once")  # fmt: skip
     parser.add_argument("--accept", type=int, action="append", default=[0])
     parser.add_argument("--stdout", type=Path)
     parser.add_argument("--findings", type=Path, help="check.json of gsh-check, which says why it ended with code 1")
@@ -54,17 +60,36 @@ def main() -> int:
         options.command += ["--out", str(options.work or options.out)]
 
     earlier = read_record(options.record)
-    if options.attempt > 1 and earlier.get("state") == "refused" and earlier.get("command") == options.command:
-        print(earlier["line"], file=sys.stderr)
-        return 1
+    is_same = earlier.get("command") == options.command
+    refusals = [earlier] if is_same else []
+    if options.then:
+        if options.attempt == 1:
+            options.then.unlink(missing_ok=True)  # of an earlier run
+        refusals.append(read_record(options.then))
+    if options.attempt > 1:
+        for refusal in refusals:
+            if refusal.get("state") == "refused":
+                print(refusal["line"], file=sys.stderr)
+                return 1
     for path in (options.record, options.log, options.stdout):
         if path:
             path.parent.mkdir(parents=True, exist_ok=True)
-    record = run(options.command, options.log, options.stdout, options.accept) | {
+    goes_on = is_same and earlier.get("state") != "done"
+    basis = {
         "command": options.command,
         "attempt": options.attempt,
+        "starts": int(earlier.get("starts", 0)) + 1 if goes_on else 1,
+        "earlier_seconds": round(seconds_of(earlier), 3) if goes_on else 0.0,
         "host": os.uname().nodename,
     }
+
+    def note(seconds: float) -> None:
+        line = f"did not end: it still runs on {basis['host']}, or was killed with its job"
+        content = {"state": "running", "line": line, "seconds": round(seconds, 3), **basis}
+        with contextlib.suppress(OSError):  # on a full disk, the program may still end well
+            write_whole(options.record, json.dumps(content, indent=2) + "\n")
+
+    record = run(options.command, options.log, options.stdout, options.accept, note) | basis
     if options.findings and record["code"] == 1:
         record |= findings_of(options.findings, record)
     if options.out and record["state"] == "done":
@@ -83,8 +108,11 @@ def main() -> int:
     return 1
 
 
-def run(command: list[str], log: Path, stdout: Path | None, accepted: list[int]) -> dict[str, Any]:
-    """Runs a command to its end. Its output goes to the log, and its standard output to `stdout` if that is given."""
+def run(
+    command: list[str], log: Path, stdout: Path | None, accepted: list[int], note: Callable[[float], None]
+) -> dict[str, Any]:
+    """Runs a command to its end. Its output goes to the log, and its standard output to `stdout` if that is given.
+    `note` is called with the seconds since the start, at once and again while the command runs."""
     start = time.monotonic()
     process: subprocess.Popen[bytes] | None = None
     stopped = False
@@ -106,7 +134,14 @@ def run(command: list[str], log: Path, stdout: Path | None, accepted: list[int])
             return {"state": "refused", "line": line, "code": 127, "seconds": 0.0, "peak_memory_bytes": 0}
         if stopped:  # before there was a process to tell
             process.terminate()
-        code = process.wait()
+        code = None
+        while code is None:
+            seconds = time.monotonic() - start
+            note(seconds)
+            try:
+                code = process.wait(min(max(seconds, NOTE_SECONDS[0]), NOTE_SECONDS[1]))
+            except subprocess.TimeoutExpired:
+                pass
     state, line = judge(code, last_line(log), accepted)
     return {
         "state": state,
@@ -115,6 +150,11 @@ def run(command: list[str], log: Path, stdout: Path | None, accepted: list[int])
         "seconds": round(time.monotonic() - start, 3),
         "peak_memory_bytes": resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss * 1024,
     }
+
+
+def seconds_of(record: dict[str, Any]) -> float:
+    """The seconds of all attempts of a stage."""
+    return float(record.get("seconds", 0)) + float(record.get("earlier_seconds", 0))
 
 
 def judge(code: int, line: str, accepted: list[int]) -> tuple[str, str]:
