@@ -35,6 +35,11 @@ inline std::uint32_t png_number(std::string_view bytes, std::size_t at) {
     return value;
 }
 
+/// Appends four bytes of a PNG, most significant first.
+inline void append_png_number(std::string& out, std::size_t value) {
+    for (int shift = 24; shift >= 0; shift -= 8) out.push_back(static_cast<char>(value >> shift & 255));
+}
+
 /// The header of a PNG.
 struct PngHeader {
     std::uint32_t width = 0, height = 0;
@@ -149,9 +154,7 @@ inline std::string unpacked_png(std::string_view bytes, const std::string& name)
     if (!inflater.is_full()) throw IoError(name + ": the image is truncated: it has too few pixels");
 
     constexpr std::size_t block = 65535;
-    const auto number = [&](std::size_t value) {
-        for (int shift = 24; shift >= 0; shift -= 8) result.push_back(static_cast<char>(value >> shift & 255));
-    };
+    const auto number = [&](std::size_t value) { append_png_number(result, value); };
     const std::size_t blocks = (size + block - 1) / block;
     result.reserve(result.size() + size + 5 * blocks + 32);
     number(2 + size + 5 * blocks + 4);

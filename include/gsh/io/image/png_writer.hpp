@@ -5,6 +5,7 @@
 #include <gsh/io/file/crc32.hpp>
 #include <gsh/io/file/gzip.hpp>
 #include <gsh/io/image/image_bounds.hpp>
+#include <gsh/io/image/png_structure.hpp>
 
 #include <algorithm>
 #include <array>
@@ -78,15 +79,12 @@ private:
 
 /// Appends a chunk: the length of its data, its type, the data and a checksum.
 inline void append_png_chunk(std::string& out, std::string_view type, std::string_view data) {
-    const auto append_number = [&](std::size_t value) { // most significant byte first
-        for (int shift = 24; shift >= 0; shift -= 8) out.push_back(static_cast<char>(value >> shift & 255));
-    };
-    append_number(data.size());
+    append_png_number(out, data.size());
     const std::size_t begin = out.size();
     out.append(type).append(data);
     Crc32 crc;
     crc.add(out.data() + begin, out.size() - begin);
-    append_number(crc.value());
+    append_png_number(out, crc.value());
 }
 
 inline std::string png_bytes(const std::uint8_t* samples, int height, int width, int channels) {
@@ -98,8 +96,7 @@ inline std::string png_bytes(const std::uint8_t* samples, int height, int width,
     for (std::size_t y = 0; y < rows; ++y) filter.append(filtered, samples + y * row_bytes);
 
     std::string header;
-    for (const int side : {width, height})
-        for (int shift = 24; shift >= 0; shift -= 8) header.push_back(static_cast<char>(side >> shift & 255));
+    for (const int side : {width, height}) append_png_number(header, static_cast<std::size_t>(side));
     constexpr char bit_depth = 8, grey = 0, rgb = 2, rgba = 6;
     const char colour = channels == 1 ? grey : channels == 3 ? rgb : rgba;
     header.append({bit_depth, colour, 0, 0, 0}); // deflate, the five filters, not interlaced
