@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The workflow's objects of Kubernetes, without a cluster: what users apply, and what Snakemake's executor sends while
-it makes a good subject and a broken one with workflow/profiles/kubernetes. All are checked by the published schema, in which unknown fields
-count as faults. A server in this test stands for that of a cluster. It takes an object only if that has no fault and the
-role that users apply allows it, and runs the container's command on this machine, in a folder of its own.
+it makes a good subject and a broken one with workflow/profiles/kubernetes. All are checked by the published schema, in
+which unknown fields count as faults. A server in this test stands for that of a cluster. It takes an object only if that
+has no fault and the role that users apply allows it, and runs the container's command on this machine, in a folder of
+its own.
 
     python tests/workflow/kubernetes_test.py BIN WORK     the folder of built programs, and one for the runs
 
