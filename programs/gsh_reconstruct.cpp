@@ -56,7 +56,8 @@ int reconstruct_scene(Machine& machine, OutputFolder& out, const ReconstructOpti
 }
 
 /// Options by which a run may differ from the one that wrote a checkpoint, and is still the same run.
-const std::vector<std::string> options_of_machine{"--threads", "--backend", "--device", "--checkpoint-interval"};
+const std::vector<std::string> options_of_machine{"--threads", "--backend", "--device", "--image-memory",
+                                                  "--checkpoint-interval"};
 
 /// The checkpoint that --continue goes on from; empty if there is none of this run, with a warning if there is another.
 std::filesystem::path checkpoint_of_same_run(const ReconstructOptions& options, const ReconstructionSetup& setup) {
@@ -97,8 +98,9 @@ int reconstruct(const ReconstructOptions& options, std::filesystem::path checkpo
     for (const std::string& warning : input.warnings) warn(warning);
     for (const std::string& warning : setup.warnings) warn(warning);
     if (input.people.size() > 1) std::printf("%zu people, ", input.people.size());
-    std::printf("%zu Gaussians, %zu training and %zu test images, %s\n", setup.gaussian_count(), setup.photos.size(),
-                setup.test_photos.size(), machine.computed_on().text().c_str());
+    std::printf("%zu Gaussians, %zu training and %zu test images%s, %s\n", setup.gaussian_count(), setup.photos.size(),
+                setup.test_photos.size(), input.capture.stored ? ", read when they are needed" : "",
+                machine.computed_on().text().c_str());
     if (!setup.light_text.empty()) std::printf("%s\n", setup.light_text.c_str());
     if (input.registration) std::printf("registration: %s\n", input.registration->text().c_str());
     std::fflush(stdout);

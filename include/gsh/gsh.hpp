@@ -238,6 +238,7 @@
 #include <gsh/photo/photo_gain.hpp>
 #include <gsh/photo/photo_loss.hpp>
 #include <gsh/photo/photo_pixels.hpp>
+#include <gsh/photo/photo_prefetcher.hpp>
 #include <gsh/photo/reduced_photos.hpp>
 
 #include <gsh/model/appearance.hpp>

@@ -9,6 +9,7 @@
 #include <sys/resource.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <fstream>
 
 namespace gsh::programs {
@@ -41,6 +42,14 @@ std::uint64_t peak_memory_bytes() {
     rusage usage{};
     getrusage(RUSAGE_SELF, &usage);
     return static_cast<std::uint64_t>(usage.ru_maxrss) * 1024; // Linux counts in KiB
+}
+
+std::uint64_t memory_of_machine() {
+    const std::uint64_t installed =
+        static_cast<std::uint64_t>(sysconf(_SC_PHYS_PAGES)) * static_cast<std::uint64_t>(sysconf(_SC_PAGESIZE));
+    std::ifstream file("/sys/fs/cgroup/memory.max"); // "max" without a limit
+    std::uint64_t limit = 0;
+    return file >> limit ? std::min(installed, limit) : installed;
 }
 
 std::string processor_name() {

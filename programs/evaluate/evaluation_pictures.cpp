@@ -104,7 +104,9 @@ PixelImage row_picture(const ShownView& view, const Image<float>& image, const I
     return row;
 }
 
-Image<float> truth_image(const Photo& photo) {
+Image<float> truth_image(const Photo& any_photo) {
+    const HeldPhoto held(any_photo);
+    const Photo& photo = *held;
     Image<float> image(3, photo.camera.height, photo.camera.width);
     for (int y = 0; y < image.height; ++y)
         for (int x = 0; x < image.width; ++x) {

@@ -173,7 +173,8 @@ bool Evaluator::judge(Trained& trained, const std::vector<Photo>& photos, const 
     for (const Photo& photo : photos) {
         if (interrupted) return false;
         shown.show(static_cast<double>(scores.size()) / static_cast<double>(photos.size()), photo.name);
-        const auto comparison = judge_.judge(trained.compare(photo), photo);
+        const HeldPhoto held(photo); // read once
+        const auto comparison = judge_.judge(trained.compare(*held), *held);
         mark.images.push_back(score_json(comparison.score));
         if (split) mark.images.back()["motion"] = motion_word(*split, scores.size());
         scores.push_back(comparison.score);

@@ -2,6 +2,7 @@
 #include "reconstruct/load_input.hpp"
 
 #include "common/input_files.hpp"
+#include "common/machine.hpp"
 #include "common/progress.hpp"
 
 #include <gsh/core/error.hpp>
@@ -32,6 +33,14 @@ void check_priors(const EstimatedPriors& priors, const Capture& capture) {
                             ", which --hold-out-motion leaves out of training; expected maps of other frames");
 }
 
+/// Bytes that the images of a capture may take in this process: CaptureOptions::image_memory.
+std::uint64_t image_memory_of(const ReconstructOptions& o) {
+    if (o.image_memory > 0) return o.image_memory;
+    const std::uint64_t half = memory_of_machine() / 2; // training and what is made of a few images need some, too
+    const bool limits_host = o.max_memory > 0 && o.machine.backend != "cuda";
+    return std::max<std::uint64_t>(limits_host ? std::min(half, o.max_memory / 2) : half, 1);
+}
+
 } // namespace
 
 ReconstructionInput load_people(cpu::Threads& backend, const PeopleOptions& o, const CaptureOptions& how) {
@@ -60,7 +69,7 @@ ReconstructionInput load_input(cpu::Threads& backend, const ReconstructOptions& 
         if (const auto span = held_out_span(o)) hold_out_motion(input.capture, *span);
         input.people.push_back({"actor", 0, input.capture.motion});
     } else {
-        input = load_people(backend, o, {.hold_out = held_out_span(o)});
+        input = load_people(backend, o, {.hold_out = held_out_span(o), .image_memory = image_memory_of(o)});
         if (input.bodies[0].faces.empty())
             input.warnings.push_back(o.capture.string() +
                                      ": its body has no triangles, so each person gets one Gaussian per vertex; "

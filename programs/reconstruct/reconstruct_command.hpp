@@ -81,6 +81,10 @@ inline void add_options(CLI::App& app, ReconstructOptions& o) {
                    "limit on memory in bytes (with --backend cuda: of the GPU); reduces the number of Gaussians if "
                    "needed")
         ->check(above_zero());
+    app.add_option("--image-memory", o.image_memory,
+                   "bytes that the capture's images may take; those of larger captures are read when they are needed "
+                   "(default: half of the machine's memory, and half of --max-memory on a CPU)")
+        ->check(above_zero());
     app.add_option("--checkpoint-interval", o.checkpoint_interval, "seconds between checkpoints (default 5)")
         ->check(above_zero());
     app.add_option("--config", o.config,

@@ -76,6 +76,7 @@ void check_options(ReconstructOptions& o) {
                                         {o.plan, "--plan"},
                                         {o.seconds > 0, "--seconds: use --steps"},
                                         {o.max_memory > 0, "--max-memory"},
+                                        {o.image_memory > 0, "--image-memory"},
                                         {!o.poses.empty(), "--poses"},
                                         {o.input_fps > 0, "--input-fps"},
                                         {!o.regions.empty(), "--regions"},

@@ -55,6 +55,7 @@ struct ReconstructOptions : PeopleOptions {
     std::uint64_t seed = 0;
     BackendOption machine;
     std::uint64_t max_memory = 0;   ///< bytes of the host, or of the GPU with --backend cuda; 0: no limit
+    std::uint64_t image_memory = 0; ///< bytes of the host for a capture's images; 0: image_memory_of decides
     double checkpoint_interval = 5; ///< seconds
     std::string given;              ///< all of the above as given_options has them, for checkpoints; may be empty
 };

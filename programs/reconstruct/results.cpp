@@ -272,7 +272,8 @@ std::optional<TestFigures> write_results(OutputFolder& out, const ReconstructOpt
     for (const Photo& photo : setup.test_photos) {
         if (interrupted) return std::nullopt;
         work->show(static_cast<double>(scores.size()) / static_cast<double>(setup.test_photos.size()), photo.name);
-        const auto comparison = judge.judge(reconstruction.compare(photo), photo);
+        const HeldPhoto held(photo); // read once
+        const auto comparison = judge.judge(reconstruction.compare(*held), *held);
         const ImageScore& score = comparison.score;
         const std::string png = encode_png(quantise(comparison_picture(comparison.render, comparison.truth).view()));
         write_file(out.file("test/" + photo.name + ".png"), png, Sync::none);

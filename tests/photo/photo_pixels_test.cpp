@@ -4,6 +4,7 @@
 
 #include <gsh/backend/serial.hpp>
 
+#include "photo/stored_photographs.hpp"
 #include "support/gradient.hpp"
 #include "support/guarded.hpp"
 
@@ -12,6 +13,8 @@
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
+#include <memory>
+#include <utility>
 #include <vector>
 
 using namespace gsh;
@@ -145,4 +148,33 @@ TEST_CASE("photographs of one camera share its plate, and those that stay are co
         CHECK(pixels[k].rgba.data() == at);
         CHECK(backend.owns(at, pixels[k].rgba.size()));
     }
+}
+
+TEST_CASE("photographs of a source arrive on any backend, beside others, and are read ahead") {
+    const PixelPhotos from(9);
+    const auto check = [&](auto backend) {
+        using B = decltype(backend);
+        std::shared_ptr<test::StoredPhotographs> source;
+        std::vector<Photo> photos = test::with_source(from.photos, &source);
+        photos[4] = from.photos[4];
+        PhotoPixels<B> pixels(backend, photos, 200);
+        CHECK(pixels.depth() > 1);
+        CHECK(pixels[3].rgba.empty());
+        for (const std::size_t k : {8, 0, 3, 3, 4, 1, 7, 6, 2, 5, 0}) {
+            pixels.prepare(k);
+            check_view(backend, pixels[k], from.photos[k]);
+            pixels.fetch((k + 1) % 9);
+            pixels.read_ahead((k + 2) % 9);
+        }
+        CHECK(source->reads(4) == 0);
+        CHECK(source->reads(8) > 0);
+        PhotoPixels<B> moved;
+        CHECK(moved.depth() == 1);
+        moved = std::move(pixels);
+        moved.prepare(8);
+        check_view(backend, moved[8], from.photos[8]);
+        CHECK(PhotoPixels<B>(backend, from.photos).depth() == 1);
+    };
+    check(cpu::Serial());
+    check(test::Guarded());
 }

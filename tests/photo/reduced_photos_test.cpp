@@ -4,6 +4,8 @@
 #include <gsh/image/trimap.hpp>
 #include <gsh/photo/reduced_photos.hpp>
 
+#include "photo/stored_photographs.hpp"
+
 #include <doctest/doctest.h>
 
 #include <cstdint>
@@ -55,6 +57,14 @@ TEST_CASE("A reduced photograph shows each point at the reduced place, and keeps
         return std::vector<std::uint8_t>(from.photos().at(0).rgba.begin(), from.photos().at(0).rgba.end());
     };
     CHECK(bytes(masked) == bytes(of_cropped));
+
+    cropped[0].unknown = Span<const UnknownPixel>(unknown).subspan(0, 0);
+    const ReducedPhotos of_source(backend, Span<const Photo>(test::with_source(cropped)), 3);
+    const HeldPhoto held(of_source.photos().at(0));
+    CHECK_NOTHROW(check_photo("test", *held, 4));
+    CHECK(whole_photo(*held) == bytes(of_cropped));
+    CHECK(held->camera.width == 20);
+    CHECK(held->plate.size() == small.plate.size());
     const vec3<double> point{0.3, -0.2, 0.1}, seen = photo.camera.R * point + photo.camera.t;
     const auto x = [&](const Camera<double>& camera) { return camera.fx * seen.x / seen.z + camera.cx; };
     const auto y = [&](const Camera<double>& camera) { return camera.fy * seen.y / seen.z + camera.cy; };

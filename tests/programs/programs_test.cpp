@@ -299,6 +299,15 @@ TEST_CASE("a reconstruction keeps to time and memory") {
     const bool curves = read_file(timed.path / "report.html").find("<svg") != std::string::npos;
     CHECK(curves == (metrics.at("steps") >= 10)); // two samples make a curve
 
+    // Photographs that are read when they are needed give the same avatar.
+    const test::Outcome in_memory = run(s.reconstruct(small.path, {"--steps", "2"}));
+    const std::string avatar = read_file(small.path / "avatar.gsh");
+    const test::Outcome stored = run(s.reconstruct(small.path, {"--steps", "2", "--image-memory", "1"}));
+    CHECK(stored.code == 0);
+    CHECK(stored.out == test::contains("test images, read when they are needed, "));
+    CHECK(in_memory.out != test::contains("read when they are needed"));
+    CHECK(read_file(small.path / "avatar.gsh") == avatar);
+
     std::size_t held = 0; // the program crops photographs
     for (const bool of_test : {false, true})
         for (const Photo& photo : photos_of(s.capture, of_test)) held += 4 * box_of_photo(photo).size();

@@ -55,6 +55,24 @@ TEST_CASE("a plan's memory is exactly enough for its Gaussians") {
     }
 }
 
+TEST_CASE("stored images take the memory of a few, and what Gaussians leave keeps photographs") {
+    cpu::Threads host(2);
+    Recipe recipe = small_recipe();
+    const ReconstructionInput held = small_input(), stored = test::with_stored_images(small_input(), 1 << 20);
+    const ReconstructionPlan of_held = plan_reconstruction<cpu::Threads>(held, recipe),
+                             of_stored = plan_reconstruction<cpu::Threads>(stored, recipe);
+    CHECK(of_stored.training_images == of_held.training_images);
+    CHECK(of_stored.test_images == of_held.test_images);
+    CHECK(of_stored.pixels == of_held.pixels);
+    CHECK(of_stored.image_bytes == 0);
+    CHECK(of_stored.memory <= of_held.memory);
+    recipe.max_memory = of_stored.memory;
+    const ReconstructionSetup setup = make_setup(host, stored, recipe);
+    CHECK(setup.gaussian_count() == recipe.gaussians);
+    REQUIRE(setup.stored);
+    CHECK(!make_setup(host, held, recipe).stored);
+}
+
 TEST_CASE("a plan without photographs for training is refused") {
     ReconstructionInput input = small_input();
     for (PixelImage& image : input.capture.images) image = {};

@@ -53,6 +53,19 @@ TEST_CASE("Gaussians that face the cameras are shown, those behind are not; a se
     double sum_all = 0, sum_some = 0;
     for (std::size_t i = 0; i < all.size(); ++i) sum_all += all[i].all, sum_some += some[i].all;
     CHECK(sum_some < 0.4 * sum_all);
+
+    // One of two equal photographs stands for both.
+    const std::vector<Photo> twice{photos[0], photos[0]};
+    UnseenParams one_of_two = small;
+    one_of_two.most_photographs = 1;
+    const auto of_both =
+        photographs_showing(training.backend, training.people, {&training.samples}, twice, filter, small);
+    const auto of_one =
+        photographs_showing(training.backend, training.people, {&training.samples}, twice, filter, one_of_two);
+    for (std::size_t i = 0; i < all.size(); ++i) {
+        CHECK(of_one[i].all == doctest::Approx(of_both[i].all));
+        CHECK(of_one[i].front == doctest::Approx(2 * some[i].front));
+    }
     const auto refused = [&](const std::vector<const SurfaceSamples*>& samples, const std::vector<Photo>& of) {
         (void)photographs_showing(training.backend, training.people, samples, of, filter);
     };

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-/// @file  A photograph for training or evaluation, whole or without its empty margins.
+/// @file  A photograph for training or evaluation: whole or without its empty margins, in memory or read when needed.
 #pragma once
 
 #include <gsh/camera/pinhole.hpp>
@@ -10,12 +10,34 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 namespace gsh {
+
+/// What a source has of a photograph.
+struct PhotoContents {
+    std::vector<std::uint8_t> rgba; ///< Photo::rgba of the box
+    PixelBox box;
+    std::vector<UnknownPixel> unknown;
+};
+
+/// Where photographs come from that do not stay in memory, for instance files.
+class PhotoSource {
+public:
+    PhotoSource() = default;
+    PhotoSource(const PhotoSource&) = delete;
+    PhotoSource& operator=(const PhotoSource&) = delete;
+    virtual ~PhotoSource() = default;
+
+    /// Reads a photograph, the same each time. Several threads may call this at a time.
+    /// Errors  the source's own, IoError for instance.
+    [[nodiscard]] virtual PhotoContents read(std::size_t index) const = 0;
+};
 
 /// One photograph of a scene: its camera, the frame of the motion that it shows, and its pixels.
 ///
@@ -25,7 +47,8 @@ namespace gsh {
 ///         unknown pixels the mask is not believed: there the photograph is compared as it is, over the background that
 ///         is estimated there, or, if they are hidden, not compared. With half_chroma, its colours have half the
 ///         resolution of its brightness, as in most JPEG files; the render is compared in the same way. Of the gradient
-///         of its loss, the share `weight` counts: a photograph whose pose or mask is not believed weighs less.
+///         of its loss, the share `weight` counts: a photograph whose pose or mask is not believed weighs less. With a
+///         source, rgba, unknown and box are empty here; HeldPhoto and PhotoPixels read them.
 struct Photo {
     std::string name;
     Camera<double> camera;
@@ -37,6 +60,8 @@ struct Photo {
     bool half_chroma = false;
     double weight = 1; ///< in [0, 1], in steps of 1/255
     std::optional<PixelBox> box = {};
+    std::shared_ptr<const PhotoSource> source = {}; ///< null: the pixels are in memory
+    std::size_t source_index = 0;                   ///< the source's number of the photograph
 
     /// The pixels that rgba has.
     [[nodiscard]] PixelBox pixels() const { return box.value_or(whole_picture(camera.height, camera.width)); }
@@ -47,6 +72,30 @@ struct Photo {
         return inside.contains(column, row) ? rgba.data() + 4 * inside.index(column, row) : outside;
     }
 };
+
+namespace detail {
+
+inline void check_unknown(std::string_view where, std::string_view name, Span<const UnknownPixel> unknown,
+                          const PixelBox& box, const PixelBox& whole) {
+    const auto width = static_cast<std::uint32_t>(whole.width);
+    for (const UnknownPixel& pixel : unknown)
+        check_value(pixel.index < whole.size() &&
+                        box.contains(static_cast<int>(pixel.index % width), static_cast<int>(pixel.index / width)),
+                    where, std::string(name) + " has an unknown pixel outside of it");
+}
+
+/// What a source has of a photograph of this size, checked.
+inline PhotoContents read_photo(const PhotoSource& source, std::size_t index, int height, int width) {
+    constexpr std::string_view where = "PhotoSource";
+    const std::string name = "photograph " + std::to_string(index);
+    PhotoContents contents = source.read(index);
+    check_box(where, name + "'s box", contents.box, height, width);
+    check_size(where, name, contents.rgba.size(), 4 * contents.box.size(), "rgba must have its box's size");
+    check_unknown(where, name, contents.unknown, contents.box, whole_picture(height, width));
+    return contents;
+}
+
+} // namespace detail
 
 /// Checks a photograph before it is used.
 ///
@@ -59,18 +108,14 @@ inline void check_photo(std::string_view where, const Photo& photo, std::size_t 
                     std::to_string(frame_count) + " frames");
     const PixelBox whole = whole_picture(photo.camera.height, photo.camera.width);
     check_box(where, photo.name + "'s box", photo.pixels(), whole.height, whole.width);
-    check_size(where, photo.name, photo.rgba.size(), 4 * photo.pixels().size(),
-               photo.box ? "a cropped image must have its box's size" : "the image must have its camera's size");
+    if (!photo.source)
+        check_size(where, photo.name, photo.rgba.size(), 4 * photo.pixels().size(),
+                   photo.box ? "a cropped image must have its box's size" : "the image must have its camera's size");
     if (!photo.plate.empty())
         check_size(where, photo.name + "'s plate", photo.plate.size(), 4 * whole.size(),
                    "a plate is as large as its photograph");
     check_value(photo.weight >= 0 && photo.weight <= 1, where, photo.name + " has a weight outside of [0, 1]");
-    const auto width = static_cast<std::uint32_t>(whole.width);
-    for (const UnknownPixel& pixel : photo.unknown)
-        check_value(pixel.index < whole.size() &&
-                        photo.pixels().contains(static_cast<int>(pixel.index % width),
-                                                static_cast<int>(pixel.index / width)),
-                    where, photo.name + " has an unknown pixel outside of it");
+    detail::check_unknown(where, photo.name, photo.unknown, photo.pixels(), whole);
 }
 
 /// The smallest box with the mask and the unknown pixels of a whole photograph.
@@ -104,5 +149,29 @@ inline void check_photo(std::string_view where, const Photo& photo, std::size_t 
     copy_pixels(box, photo.rgba, box, pixels, whole);
     return pixels;
 }
+
+/// A photograph whose pixels are in memory while this object lives: its own, or what its source has.
+class HeldPhoto {
+public:
+    /// The photograph's own pixels must outlive this object.
+    /// Errors  those of PhotoSource::read; ShapeError, ValueError if what it returns does not fit the photograph.
+    explicit HeldPhoto(const Photo& photo) : photo_(photo) {
+        const std::shared_ptr<const PhotoSource> source = std::exchange(photo_.source, nullptr);
+        if (!source) return;
+        contents_ = detail::read_photo(*source, photo_.source_index, photo_.camera.height, photo_.camera.width);
+        photo_.rgba = Span<const std::uint8_t>(contents_.rgba);
+        photo_.box = contents_.box;
+        photo_.unknown = Span<const UnknownPixel>(contents_.unknown);
+    }
+    HeldPhoto(HeldPhoto&&) = default; // vectors that move keep their elements' addresses
+    HeldPhoto& operator=(HeldPhoto&&) = default;
+
+    [[nodiscard]] const Photo& operator*() const { return photo_; }
+    [[nodiscard]] const Photo* operator->() const { return &photo_; }
+
+private:
+    Photo photo_;
+    PhotoContents contents_;
+};
 
 } // namespace gsh

@@ -152,18 +152,17 @@ public:
         set_photo(photo, pixels, params_.background);
     }
 
-    /// The same for pixels in host memory, which are uploaded.
+    /// The same for pixels in host memory, which are uploaded, or of a source.
     void set_photo(const Photo& photo, const std::array<double, 3>& background) {
-        pixels_ = PhotoPixels<B>(*backend_, {photo});
-        set_photo(photo, pixels_[0], background);
+        set_photo(photo, pixels_of(photo), background);
     }
     void set_photo(const Photo& photo) { set_photo(photo, params_.background); }
 
     /// A number for the kernels that a photograph needs: the `kind` of a recorded step (RepeatedStep).
-    [[nodiscard]] static std::uint64_t kind(const Photo& photo) {
+    [[nodiscard]] static std::uint64_t kind(const Photo& photo, const typename PhotoPixels<B>::View& pixels) {
         const Camera<double>& camera = photo.camera;
-        const bool cropped = photo.pixels() != whole_picture(camera.height, camera.width);
-        const auto unknown = static_cast<std::uint64_t>(std::bit_width(detail::unknown_slots(photo.unknown.size())));
+        const bool cropped = pixels.box != whole_picture(camera.height, camera.width);
+        const auto unknown = static_cast<std::uint64_t>(std::bit_width(detail::unknown_slots(pixels.unknown.size())));
         return std::uint64_t(photo.half_chroma) << 63 | std::uint64_t(cropped) << 62 | unknown << 48 |
                std::uint64_t(camera.height) << 24 | std::uint64_t(camera.width);
     }
@@ -240,9 +239,9 @@ public:
     /// Renders the splats over the photograph's plate or Params::background, into color [3, height, width]. alpha
     /// [1, height, width] is written if it is given.
     void picture(const Photo& photo, const SplatView<const T>& splats, Image<T>& color, Image<T>* alpha = nullptr) {
-        pixels_ = PhotoPixels<B>(*backend_, {photo});
+        const auto& pixels = pixels_of(photo);
         backdrop_.set_color(params_.background);
-        backdrop_.set_plate(*backend_, pixels_[0].plate, pixels_[0].unknown, photo.camera.height, photo.camera.width);
+        backdrop_.set_plate(*backend_, pixels.plate, pixels.unknown, photo.camera.height, photo.camera.width);
         picture_from(photo.camera, splats, color, alpha);
     }
     /// Renders the splats over the background.
@@ -255,8 +254,7 @@ public:
     void photograph(const Photo& photo, Image<T>& color, Image<T>& mask) {
         resize(photo.camera.height, photo.camera.width);
         backdrop_.set_color(params_.background);
-        pixels_ = PhotoPixels<B>(*backend_, {photo});
-        put_photograph(pixels_[0], in(mask_, 1));
+        put_photograph(pixels_of(photo), in(mask_, 1));
         color = download(truth_, 3);
         mask = download(mask_, 1);
     }
@@ -310,6 +308,12 @@ private:
         backend_->for_each(detail::unknown_slots(dL_drender.empty() ? 0 : unknown_.size()),
                            detail::HiddenGradient<T>{unknown_, dL_drender, plane_size()});
     }
+    /// A photograph in host memory or of a source, in the backend's memory until the next call.
+    [[nodiscard]] const typename PhotoPixels<B>::View& pixels_of(const Photo& photo) {
+        pixels_ = PhotoPixels<B>(*backend_, {photo});
+        pixels_.prepare(0);
+        return pixels_[0];
+    }
     void put_photograph(const typename PhotoPixels<B>::View& pixels, const ImageView<T>& mask) {
         is_composited_ = false;
         backdrop_.photograph(*backend_, pixels.rgba, pixels.box, pixels.plate, pixels.unknown, in(truth_, 3), mask);
@@ -328,7 +332,7 @@ private:
 
     B* backend_;
     Params params_;
-    PhotoPixels<B> pixels_; // of a photograph in host memory
+    PhotoPixels<B> pixels_; // of one photograph: pixels_of
     Backdrop<B, T> backdrop_;
     Renderer rasterizer_;
     HalfChroma<B, T> half_chroma_;

@@ -8,6 +8,7 @@
 #include <gsh/image/pixel_box.hpp>
 #include <gsh/image/trimap.hpp>
 #include <gsh/photo/photo.hpp>
+#include <gsh/photo/photo_prefetcher.hpp>
 
 #include <algorithm>
 #include <cstddef>
@@ -72,7 +73,8 @@ private:
 
 /// Pixels and plates of photographs as bytes. On a backend with host memory they are the caller's own. Elsewhere,
 /// unknown pixels are uploaded once, and as many plates, which photographs share, and photographs as a budget allows.
-/// The others are brought one by one, ahead of their step (FetchAhead).
+/// The others are brought one by one, ahead of their step (FetchAhead). On any backend, photographs with a source are
+/// read from there, ahead of their step, too (PhotoPrefetcher); before prepare, their views are empty.
 template <Backend B>
 class PhotoPixels {
 public:
@@ -107,21 +109,51 @@ public:
             }
             rgba_.finish(backend), plates_.finish(backend);
         }
+        if (std::none_of(photos.begin(), photos.end(), [](const Photo& photo) { return photo.source != nullptr; }))
+            return;
+        prefetcher_ = std::make_unique<PhotoPrefetcher>(photos);
+        for (const Photo& photo : photos) has_source_.push_back(photo.source != nullptr);
+        backend_ = &backend;
     }
 
     /// Makes operator[] valid for a photograph until the next call. Not inside a repeated step (RepeatedStep).
+    /// Errors  those of PhotoSource::read.
     void prepare(std::size_t photo) {
         if constexpr (!B::host_memory)
             views_[photo].rgba = rgba_.get(photo), views_[photo].plate = plates_.get(plate_of_[photo]);
+        if (prefetcher_ && has_source_[photo]) show(prefetcher_->get(photo), views_[photo]);
     }
     /// Announces the photograph of the next call of prepare, after the work on the present one has been queued.
     void fetch(std::size_t photo) {
         if constexpr (!B::host_memory) rgba_.fetch(photo), plates_.fetch(plate_of_[photo]);
+        read_ahead(photo);
     }
+    /// Announces a photograph of a later call, in their order, so that its source is read in time.
+    void read_ahead(std::size_t photo) {
+        if (prefetcher_) prefetcher_->fetch(photo);
+    }
+    /// How many photographs may be announced: 1 without sources.
+    [[nodiscard]] std::size_t depth() const { return prefetcher_ ? prefetcher_->depth() : 1; }
 
     [[nodiscard]] const View& operator[](std::size_t photo) const { return views_[photo]; }
 
 private:
+    void show(const PhotoContents& contents, View& view) {
+        view.box = contents.box;
+        if constexpr (B::host_memory) {
+            view.rgba = Span<const std::uint8_t>(contents.rgba);
+            view.unknown = Span<const UnknownPixel>(contents.unknown);
+        } else {
+            view.rgba = uploaded(contents.rgba, shown_rgba_);
+            view.unknown = uploaded(contents.unknown, shown_unknown_);
+        }
+    }
+    template <class T>
+    [[nodiscard]] Span<const T> uploaded(const std::vector<T>& from, typename B::template Buffer<T>& to) {
+        to.resize(from.size());
+        if (!from.empty()) backend_->upload(Span<const T>(from), Span<T>(to));
+        return to;
+    }
     [[nodiscard]] Span<const UnknownPixel> upload_unknown(B& backend, Span<const UnknownPixel> from,
                                                           std::uint64_t& budget) {
         if (from.empty()) return {};
@@ -135,6 +167,11 @@ private:
     std::vector<typename B::template Buffer<UnknownPixel>> unknown_;
     detail::BudgetedBytes<B> rgba_, plates_;
     std::vector<std::size_t> plate_of_; // of each photograph
+    std::unique_ptr<PhotoPrefetcher> prefetcher_; // null if no photograph has a source
+    std::vector<bool> has_source_;                // of each photograph
+    B* backend_ = nullptr;                        // to which the current one goes
+    typename B::template Buffer<std::uint8_t> shown_rgba_;
+    typename B::template Buffer<UnknownPixel> shown_unknown_;
 };
 
 } // namespace gsh

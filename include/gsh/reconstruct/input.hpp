@@ -112,9 +112,7 @@ inline void check_input(const ReconstructionInput& input) {
                     "is " + std::to_string(photo.camera.width) + " x " + std::to_string(photo.camera.height) +
                         " pixels, expected at least " + std::to_string(least) + " x " + std::to_string(least) +
                         " for SSIM");
-        bool person = false;
-        for (std::size_t i = 3; i < photo.rgba.size() && !person; i += 4) person = photo.rgba[i] > 127;
-        check_value(person, "test image " + photo.name,
+        check_value(capture.shows_person({photo.camera_index, photo.frame}), "test image " + photo.name,
                     "has a mask (alpha) that nowhere exceeds 1/2, expected a mask that shows a person");
     }
     return photos;

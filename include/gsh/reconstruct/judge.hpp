@@ -70,8 +70,9 @@ template <CpuBackend B>
 Comparison<float> Judge<B>::judge(Comparison<float> comparison, const Photo& photo) {
     const auto render = std::as_const(comparison.render).view(), truth = std::as_const(comparison.truth).view();
     std::vector<RegionLabels> labels = labels_of(photo);
+    const HeldPhoto held(photo);
     for (RegionLabels& person : labels)
-        for (const UnknownPixel& pixel : photo.unknown)
+        for (const UnknownPixel& pixel : held->unknown)
             if (pixel.hidden) person.labels[pixel.index] = RegionLabels::nothing;
     const auto score = [&](const Image<std::uint8_t>& mask) { return score_region(render, truth, mask.view()); };
     const auto score_regions = [&](const RegionLabels& seen, const auto& person) {

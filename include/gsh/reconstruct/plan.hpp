@@ -21,7 +21,7 @@ struct ReconstructionPlan {
     std::size_t training_images = 0, test_images = 0;
     std::size_t gaussians = 0;     ///< of each person; fewer than in the recipe if its max_memory is short
     std::size_t pixels = 0;        ///< of a photograph for training, cropped to the people: the mean
-    std::uint64_t image_bytes = 0; ///< all images of the capture, as they are held until they are cropped
+    std::uint64_t image_bytes = 0; ///< the images of the capture that are held until they are cropped
     std::uint64_t memory = 0;      ///< bytes that training takes where it trains: training_memory
 };
 
@@ -41,7 +41,7 @@ template <CpuBackend B, class Parts = AvatarParts>
                             .training_images = setup.photos.size(),
                             .test_images = setup.test_photos.size()};
     plan.gaussians = detail::gaussians_within_memory<Parts, B>(input, recipe, on_device, setup);
-    for (const Photo& photo : setup.photos) plan.pixels += box_of_photo(photo).size();
+    for (const Photo& photo : setup.photos) plan.pixels += detail::box_of_photo(input.capture, photo).size();
     plan.pixels /= setup.photos.size();
     for (const auto* images : {&input.capture.images, &input.capture.backgrounds})
         for (const auto& image : *images) plan.image_bytes += image.data.size();

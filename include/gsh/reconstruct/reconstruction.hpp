@@ -361,9 +361,11 @@ bool Reconstruction<B, Parts>::refine_test_poses(const Observer& observer) {
     std::size_t done = 0;
     for (const std::size_t frame : frames) {
         stage.tell(static_cast<double>(done++) / static_cast<double>(frames.size()), "frame " + std::to_string(frame));
-        std::vector<Photo> photos;
+        std::vector<HeldPhoto> held;
         for (const Photo& photo : setup.test_photos)
-            if (photo.frame == frame) photos.push_back(photo);
+            if (photo.frame == frame) held.emplace_back(photo);
+        std::vector<Photo> photos;
+        for (const HeldPhoto& photo : held) photos.push_back(*photo);
         for (std::size_t turn = 0; turn < rounds * people_.size(); ++turn) {
             FrozenPerson<Scene> frozen(scene_, turn % people_.size());
             for (const int pixels : {68, 135}) {

@@ -11,6 +11,7 @@
 #include <gsh/core/message.hpp>
 #include <gsh/core/rng.hpp>
 #include <gsh/image/chroma.hpp>
+#include <gsh/image/pixel_box.hpp>
 #include <gsh/image/trimap.hpp>
 #include <gsh/io/capture/capture_data.hpp>
 #include <gsh/io/capture/photos.hpp>
@@ -19,6 +20,7 @@
 #include <gsh/model/configured_avatar.hpp>
 #include <gsh/model/configured_avatar_params.hpp>
 #include <gsh/photo/photo.hpp>
+#include <gsh/photo/photo_prefetcher.hpp>
 #include <gsh/reconstruct/input.hpp>
 #include <gsh/reconstruct/observer.hpp>
 #include <gsh/reconstruct/recipe.hpp>
@@ -33,6 +35,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <cstdio>
+#include <memory>
 #include <optional>
 #include <set>
 #include <string>
@@ -62,6 +65,7 @@ struct ReconstructionSetup {
     std::vector<Photo> photos, test_photos;         ///< for training; for evaluation
     std::vector<std::vector<UnknownPixel>> unknown; ///< of each photograph for training
     std::vector<std::vector<std::uint8_t>> pixels;  ///< of the photographs, after take_photographs
+    std::shared_ptr<StoredPhotos> stored;           ///< the source of those for training, if images are stored
     std::vector<std::size_t> held_out_frames;       ///< of the capture; empty if no span of the motion is held out
     std::optional<MotionSplit> motion_split;        ///< of test_photos, if a span is held out
     std::optional<LightData> light;                 ///< with which the light starts, if there is one
@@ -92,10 +96,12 @@ template <class Parts = AvatarParts, CpuBackend B>
 [[nodiscard]] ReconstructionSetup make_setup(B& host, const ReconstructionInput& input, const Recipe& recipe,
                                              const Observer& observer = {}, bool on_device = false);
 
-/// Crops the photographs (crop_photo), makes their pixels the setup's own, and drops the images of the capture.
+/// Crops the photographs (crop_photo), makes their pixels the setup's own, and drops the images of the capture. Stored
+/// images stay stored.
 inline void take_photographs(ReconstructionSetup& setup, Capture& capture) {
     for (auto* photos : {&setup.photos, &setup.test_photos})
         for (Photo& photo : *photos) {
+            if (photo.source) continue;
             setup.pixels.push_back(crop_photo(photo));
             capture.image({photo.camera_index, photo.frame}) = {};
         }
@@ -106,9 +112,14 @@ inline void take_photographs(ReconstructionSetup& setup, Capture& capture) {
 
 namespace detail {
 
+/// The box of a photograph; of a stored one, without its unknown pixels.
+inline PixelBox box_of_photo(const Capture& capture, const Photo& photo) {
+    return capture.stored ? capture.stored->facts[photo.source_index].mask : gsh::box_of_photo(photo);
+}
+
 /// Bytes in the memory that is limited which training needs apart from the avatars: the plates and the cropped
-/// photographs. A device has three of each at least (FetchAhead).
-inline std::size_t bytes_of_images(const ReconstructionSetup& setup, bool on_device) {
+/// photographs. A device has three of each at least (FetchAhead). Of stored photographs, few are in memory at a time.
+inline std::size_t bytes_of_images(const Capture& capture, const ReconstructionSetup& setup, bool on_device) {
     struct Sum {
         std::size_t all = 0, largest = 0;
         void add(std::size_t size) { all += size, largest = std::max(largest, size); }
@@ -117,8 +128,9 @@ inline std::size_t bytes_of_images(const ReconstructionSetup& setup, bool on_dev
     for (const auto* photos : {&setup.photos, &setup.test_photos})
         for (const Photo& photo : *photos) {
             if (known.insert(photo.plate.data()).second) plates.add(photo.plate.size());
-            pictures.add(4 * box_of_photo(photo).size());
+            pictures.add(4 * box_of_photo(capture, photo).size());
         }
+    if (capture.stored) pictures.all = std::min(pictures.all, (PhotoPrefetchParams().depth + 1) * pictures.largest);
     std::size_t bytes = 0;
     for (const Sum& images : {plates, pictures})
         bytes += on_device ? std::min(images.all, 3 * images.largest) : images.all;
@@ -132,8 +144,8 @@ MemoryModel memory_of_training(const ReconstructionInput& input, const Reconstru
     for (const auto& camera : input.capture.cameras)
         pixels = std::max(pixels, static_cast<std::size_t>(camera.camera.width) *
                                       static_cast<std::size_t>(camera.camera.height));
-    return training_memory<B, Parts>(setup.configuration.avatar, pixels, bytes_of_images(setup, on_device),
-                                     input.people.size(),
+    return training_memory<B, Parts>(setup.configuration.avatar, pixels,
+                                     bytes_of_images(input.capture, setup, on_device), input.people.size(),
                                      {.joint_count = input.body().joint_count(),
                                       .vertex_count = input.body().vertex_count(),
                                       .frame_count = input.capture.frame_count()},
@@ -141,7 +153,7 @@ MemoryModel memory_of_training(const ReconstructionInput& input, const Reconstru
 }
 
 /// The number of Gaussians of each person: as requested, or as many as fit into recipe.max_memory. What they leave of a
-/// device's memory is for plates and photographs (TrainParams::photo_memory).
+/// device's memory is for plates and photographs (TrainParams::photo_memory), of the host's for photographs of files.
 /// Errors  ValueError if less than a tenth of the requested number fits.
 template <class Parts, CpuBackend B>
 std::size_t gaussians_within_memory(const ReconstructionInput& input, const Recipe& recipe, bool on_device,
@@ -157,8 +169,11 @@ std::size_t gaussians_within_memory(const ReconstructionInput& input, const Reci
     if (count < recipe.gaussians)
         setup.warnings.push_back(std::to_string(count) + " instead of " + std::to_string(recipe.gaussians) +
                                  " Gaussians, to stay within " + std::to_string(recipe.max_memory) + " bytes");
+    const std::uint64_t left = recipe.max_memory - memory.bytes(count);
     if (on_device)
-        setup.configuration.train.photo_memory = std::max<std::uint64_t>(recipe.max_memory - memory.bytes(count), 1);
+        setup.configuration.train.photo_memory = std::max<std::uint64_t>(left, 1);
+    else if (setup.stored)
+        setup.stored->keep_within(left);
     return count;
 }
 
@@ -168,14 +183,21 @@ inline void add_photographs(const ReconstructionInput& input, ReconstructionSetu
     setup.test_photos = test_photos_of(input.capture);
     setup.photos = photos_of(input.capture, false);
     check_value(!setup.photos.empty(), input.capture.name, "has no photographs to train on");
+    const double band = configuration.unknown_band;
+    if (const auto& images = input.capture.stored)
+        setup.stored = std::make_shared<StoredPhotos>(input.capture, band, images->memory);
     setup.unknown.reserve(setup.photos.size());
     for (Photo& photo : setup.photos) {
-        setup.unknown.push_back(with_hidden(unknown_pixels(photo.rgba, photo.camera.height, photo.camera.width,
-                                                           configuration.unknown_band * photo.camera.height),
-                                            photo.unknown));
-        photo.unknown = Span<const UnknownPixel>(setup.unknown.back());
-        photo.half_chroma =
-            configuration.half_chroma && has_half_chroma(photo.rgba, photo.camera.height, photo.camera.width);
+        const int height = photo.camera.height, width = photo.camera.width;
+        if (setup.stored) {
+            photo.source = setup.stored;
+            photo.half_chroma = input.capture.stored->facts[photo.source_index].half_chroma;
+        } else {
+            setup.unknown.push_back(unbelieved_pixels(photo.rgba, height, width, band, photo.unknown));
+            photo.unknown = Span<const UnknownPixel>(setup.unknown.back());
+            photo.half_chroma = has_half_chroma(photo.rgba, height, width);
+        }
+        photo.half_chroma = photo.half_chroma && configuration.half_chroma;
         if (input.registration) photo.weight = input.registration->frame_weights[photo.frame];
     }
 }

@@ -85,7 +85,7 @@ StaticPhotos load_capture_frame(E& executor, const std::filesystem::path& folder
         files.images.push_back(all.images[c * frames + frame]);
         if (!all.masks.empty()) files.masks.push_back(all.masks[c * frames + frame]);
     }
-    load_photos(executor, files, 1, {}, folder, capture, &input.warnings);
+    load_photos(executor, std::move(files), 1, {}, folder, capture, &input.warnings);
     for (std::size_t c = 0; c < capture.cameras.size(); ++c) {
         const NamedCamera& camera = capture.cameras[c];
         if (capture.is_taken({c, 0}))
@@ -132,7 +132,7 @@ inline StaticPhotos static_photos_of(const Capture& capture, std::size_t frame) 
     for (std::size_t c = 0; c < capture.cameras.size(); ++c) {
         const NamedCamera& camera = capture.cameras[c];
         if (capture.is_taken({c, frame}))
-            detail::add_photo(input, camera.name, camera.camera, capture.image({c, frame}),
+            detail::add_photo(input, camera.name, camera.camera, capture.read_image({c, frame}),
                               camera.role == NamedCamera::Role::test, frame);
     }
     return input;

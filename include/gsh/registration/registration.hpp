@@ -225,7 +225,7 @@ void register_level(B& backend, H& host, Span<const RegisteredPerson> people, Le
             if (values.step + photos.size() <= steps) continue;
             const Photo& photo = photos[trainer.photo_of_step(values.step - 1)];
             squares[photo.frame] += std::pow(10, -values.psnr / 10);
-            empty[photo.frame] += empty_error(photo);
+            empty[photo.frame] += empty_error(*HeldPhoto(photo));
             counts[photo.frame] += 1;
         }
     };

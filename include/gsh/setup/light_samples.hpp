@@ -197,6 +197,8 @@ template <Backend B>
                 some.push_back(views[(frame + k * views.size() / most_photos) % views.size()]);
             views = std::move(some);
         }
+        std::vector<HeldPhoto> held;
+        for (const Photo* photo : views) held.emplace_back(*photo);
         people.pose(frame);
         LightData eyes; // a camera sees what a light at its centre would reach
         for (const Photo* photo : views) eyes.points.push_back(photo->camera.center());
@@ -210,7 +212,7 @@ template <Backend B>
                 const vec3<double> to_eye = eyes.points[k] - position, local = to_camera(camera, position);
                 vec3<float> linear;
                 if (seen[s * views.size() + k] < 0.95f || dot(normal, to_eye) < 0.3 * length(to_eye) || local.z <= 0 ||
-                    !read_color(*views[k], to_pixel(camera, local), linear))
+                    !read_color(*held[k], to_pixel(camera, local), linear))
                     continue;
                 if (row == UINT32_MAX) {
                     row = static_cast<std::uint32_t>(samples.positions.size());

@@ -12,6 +12,7 @@
 #include <gsh/core/deferred.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/core/ordered_indices.hpp>
+#include <gsh/core/rng.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/gaussian/splats.hpp>
 #include <gsh/image/image.hpp>
@@ -49,8 +50,21 @@ struct UnseenParams {
     /// A Gaussian below this opacity is one that photographs have made transparent, and stays as it is.
     double least_opacity = 0.05;
     int pixels = 270; ///< about the longer side of the pictures in which they are searched
+    std::size_t most_photographs = 2000; ///< of more, so many that chance chooses stand for all
     SurfaceFillParams fill = {};
 };
+
+namespace detail {
+
+/// All of `count` photographs in order, or as many of them as may be, by chance.
+[[nodiscard]] inline std::vector<std::uint32_t> chosen_photographs(std::size_t count, std::size_t most) {
+    std::vector<std::uint32_t> order = shuffled_indices(static_cast<std::uint32_t>(count), 0);
+    order.resize(std::min(count, most));
+    std::sort(order.begin(), order.end());
+    return order;
+}
+
+} // namespace detail
 
 /// How many of the photographs show each Gaussian of a scene. A photograph counts 1 if the Gaussian is seen from the
 /// front with nothing before it, and less if it is seen from the side or partly hidden:
@@ -60,7 +74,8 @@ struct UnseenParams {
 /// T is the transmittance in front of the Gaussian, G its unit-height footprint, s and s' its larger two standard
 /// deviations, f²/z² the mean over the photographs, at the first person's root. T G is the derivative of a picture with
 /// respect to the colour, divided by the opacity; one pass there and back for each photograph gives it for all
-/// Gaussians, without any code in the renderer. `samples` of each person are those of its model.
+/// Gaussians, without any code in the renderer. `samples` of each person are those of its model. Pixels of photographs
+/// are not read.
 ///
 /// Shapes  the result is [N]; all Gaussians of the scene.
 /// Errors  ValueError without photographs; ShapeError for samples of another model; those of Rasterizer.
@@ -74,8 +89,10 @@ template <Backend B, class Scene>
     check_value(!photos.empty(), where, "there are no photographs");
     check_size(where, "samples", samples.size(), scene.person_count(), "those of each person");
     const int factor = reduction_factor(Span<const Photo>(photos), params.pixels);
-    const std::vector<std::uint32_t> order = ordered_indices(
-        photos.size(), [&](std::uint32_t a, std::uint32_t b) { return photos[a].frame < photos[b].frame; });
+    std::vector<std::uint32_t> order =
+        detail::chosen_photographs(photos.size(), std::max<std::size_t>(params.most_photographs, 1));
+    std::stable_sort(order.begin(), order.end(),
+                     [&](std::uint32_t a, std::uint32_t b) { return photos[a].frame < photos[b].frame; });
 
     const std::size_t N = scene.size();
     std::vector<vec3<T>> canonical_normals;
@@ -140,6 +157,7 @@ template <Backend B, class Scene>
     backend.download(Span<const T>(splats.opacities), Span<T>(opacities));
     std::vector<sym3<T>> covariances(N);
     backend.download(Span<const sym3<T>>(splats.covariances), Span<sym3<T>>(covariances));
+    const double stands_for = static_cast<double>(photos.size()) / static_cast<double>(order.size());
     std::vector<Showing> result(N);
     for (std::size_t i = 0; i < N; ++i) {
         // The product of the larger two variances is about the sum of the principal minors of the covariance.
@@ -147,7 +165,7 @@ template <Backend B, class Scene>
         const double minors = double(c.xx) * c.yy - double(c.xy) * c.xy + double(c.xx) * c.zz - double(c.xz) * c.xz +
                               double(c.yy) * c.zz - double(c.yz) * c.yz;
         const double area = 2 * 3.14159265358979 * std::sqrt(std::max(minors, 1e-16)) * squared_focal;
-        const double one = std::max(static_cast<double>(opacities[i]), 1e-6) * area;
+        const double one = std::max(static_cast<double>(opacities[i]), 1e-6) * area / stands_for;
         result[i] = {static_cast<double>(all_weights[i]) / one, static_cast<double>(front_weights[i]) / one};
     }
     return result;

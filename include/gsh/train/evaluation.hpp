@@ -158,8 +158,10 @@ struct Comparison {
 /// render, and the mask is 0.
 /// Errors  ValueError for a photograph with an empty mask, which shows no person.
 template <class TrainerType>
-[[nodiscard]] auto compare(TrainerType& trainer, const Photo& photo) {
+[[nodiscard]] auto compare(TrainerType& trainer, const Photo& any_photo) {
     using T = typename TrainerType::Scalar;
+    const HeldPhoto held(any_photo);
+    const Photo& photo = *held;
     Comparison<T> result;
     trainer.render(photo, result.render);
     trainer.photo_pixels(photo, result.truth, result.mask);

@@ -70,7 +70,8 @@ public:
 
     /// Takes params.steps steps, over the photographs in turn. Rates fall from their first value to final_rate. If the
     /// loss at the end is not below that at the beginning, the pose at the beginning is restored, also if the fit was
-    /// stopped. All photographs must show `frame`; their own frame numbers are not read.
+    /// stopped. All photographs must show `frame`; their own frame numbers are not read. They must be in memory, see
+    /// HeldPhoto.
     template <FrozenScene<B, T> Scene>
     PoseFitReport fit(Scene& scene, std::size_t frame, const std::vector<Photo>& photos) {
         MotionRefinement<B, T>& motion = scene.motion();
@@ -88,7 +89,7 @@ public:
         while (report.steps < params_.steps && !(params_.stop && params_.stop())) {
             scene.set_progress(report.steps, static_cast<double>(report.steps) / static_cast<double>(params_.steps));
             const std::size_t index = report.steps % photos.size();
-            repeated_.run(PhotoLoss<B, T>::kind(photos[index]),
+            repeated_.run(PhotoLoss<B, T>::kind(photos[index], pixels[index]),
                           [&] { step(scene, frame, photos[index], pixels[index]); });
             ++report.steps;
             if (report.steps % steps_between_waits == 0 || report.steps == params_.steps) settle();
@@ -119,7 +120,10 @@ private:
 
     static void check(const std::vector<Photo>& photos, std::string_view where) {
         check_value(!photos.empty(), where, "there are no photographs to fit to");
-        for (const Photo& photo : photos) check_photo(where, photo, photo.frame + 1);
+        for (const Photo& photo : photos) {
+            check_photo(where, photo, photo.frame + 1);
+            check_value(!photo.source, where, photo.name + " is not in memory; hold it with HeldPhoto");
+        }
     }
 
     /// Computes splats, picture and loss at the frame's present pose. Returns the photograph's camera.

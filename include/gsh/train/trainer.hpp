@@ -54,7 +54,7 @@ class Trainer {
 public:
     using Scalar = T;
 
-    /// The caller owns the scene and the photographs' pixels.
+    /// The caller owns the scene and the photographs' pixels. Photographs with a source are read ahead of their steps.
     /// Errors  ValueError: no photographs, a photograph of a frame that the scene does not have, settings or rates out
     ///         of range. ShapeError: images of another size than their cameras.
     Trainer(B& backend, Scene& scene, std::vector<Photo> photos, std::uint64_t seed, const TrainParams& config = {})
@@ -122,7 +122,8 @@ public:
     ///
     /// After an error, such as memory that runs out, the step can be taken again, with the same bits, since nothing is
     /// learned before a step's gradient is complete. After an error in the update itself it cannot.
-    /// Errors  those of settle(); Error if the step before ended within its update: load a checkpoint, and resume.
+    /// Errors  those of settle() and of PhotoSource::read; Error if the step before ended within its update: load a
+    ///         checkpoint, and resume.
     template <class Observer = NoObserver>
     void step(double progress = 0, Observer&& observer = {}) {
         if (ended_ == Ended::in_update)
@@ -135,10 +136,12 @@ public:
         scene_->set_progress(step_count_, progress);
         pixels_.prepare(index);
         ended_ = Ended::before_update;
-        with_names([&] { repeated_.run(kind(photos_[index]), [&] { compute_step(index, progress, observer); }); });
+        with_names([&] { repeated_.run(kind(index), [&] { compute_step(index, progress, observer); }); });
         ended_ = Ended::well;
         ++step_count_, ++unsettled_;
         pixels_.fetch(photo_of_step(step_count_));
+        for (std::size_t ahead = 1; ahead < pixels_.depth(); ++ahead)
+            pixels_.read_ahead(photo_of_step(step_count_ + ahead));
         observer.leave();
     }
 
@@ -293,8 +296,9 @@ private:
         else return PhotoPixels<B>::no_limit;
     }
     /// Steps of one kind launch the same kernels.
-    [[nodiscard]] std::uint64_t kind(const Photo& photo) const {
-        const std::uint64_t of_photo = Loss::kind(photo);
+    [[nodiscard]] std::uint64_t kind(std::size_t index) const {
+        const Photo& photo = photos_[index];
+        const std::uint64_t of_photo = Loss::kind(photo, pixels_[index]);
         if constexpr (requires { scene_->kind(photo); }) return of_photo ^ mix_bits(scene_->kind(photo));
         else return of_photo;
     }

@@ -8,11 +8,15 @@
 #include "support/skip.hpp"
 
 #include <gsh/backend/threads.hpp>
+#include <gsh/image/chroma.hpp>
+#include <gsh/image/pixel_box.hpp>
 #include <gsh/io/capture/photos.hpp>
 #include <gsh/io/file/npz.hpp>
 
 #include <algorithm>
 #include <cstddef>
+#include <cstdint>
+#include <filesystem>
 #include <functional>
 #include <string>
 #include <utility>
@@ -118,6 +122,84 @@ TEST_CASE_FIXTURE(StoredCapture, "a capture comes back as it was saved, on any n
         const Capture other = load_capture(threads, path, body);
         for (std::size_t i = 0; i < 9; ++i) CHECK(other.images[i].data == read.images[i].data);
     }
+}
+
+TEST_CASE_FIXTURE(StoredCapture, "images that take more than the memory for them are read when they are needed") {
+    constexpr std::uint64_t bytes = 9 * 64 * 60 * 4;
+    // Masks of 0 and 1, a hidden pixel, a camera with distortion, a missing mask and an empty one.
+    for (int c = 0; c < 3; ++c)
+        for (int f = 0; f < 3; ++f) {
+            PixelImage mask(1, 60, 64);
+            const PixelImage& taken = capture.images[static_cast<std::size_t>(3 * c + f)];
+            for (std::size_t i = 0; i < mask.data.size(); ++i)
+                mask.data[i] = taken.data[4 * i + 3] == 0 || (c == 0 && f == 2) ? 0 : c == 1 ? 1 : 255;
+            const auto place = path / "masks" / ("cam" + std::to_string(c));
+            std::filesystem::create_directories(place);
+            if (c != 0 || f != 1) write_png(place / ("000" + std::to_string(f) + ".png"), mask);
+        }
+    capture.cameras[1].distortion.emplace();
+    capture.cameras[1].distortion->k1 = 0.1;
+    write_cameras(path / "cameras.json", {capture.cameras, 10, {}, {}});
+    std::filesystem::create_directories(path / "hidden/cam2");
+    PixelImage hidden(1, 60, 64);
+    hidden.pixel(20, 30)[0] = 255;
+    write_png(path / "hidden/cam2/0001.png", hidden);
+
+    std::vector<std::string> warnings, others;
+    const Capture held = load(&warnings);
+    CHECK(!held.stored);
+    cpu::Threads threads(3);
+    const Capture read = load_capture(threads, path, body, {.image_memory = bytes - 64 * 60 * 4 - 1}, &others);
+    REQUIRE(read.stored);
+    CHECK(read.images.empty());
+    CHECK(others == warnings);
+    CHECK(warnings.size() >= 3); // small numbers, a missing mask, an empty one
+    CHECK(!load_capture(serial, path, body, {.image_memory = bytes - 64 * 60 * 4}).stored); // one is missing
+    for (const bool test : {false, true}) {
+        const std::vector<Photo> photos = photos_of(held, test), stored = photos_of(read, test);
+        REQUIRE(photos.size() == stored.size());
+        for (std::size_t k = 0; k < photos.size(); ++k) {
+            const CaptureView view{photos[k].camera_index, photos[k].frame};
+            CAPTURE(photos[k].name);
+            CHECK(read.read_image(view).data == held.image(view).data);
+            CHECK(read.shows_person(view));
+            const StoredImages::Facts& facts = read.stored->facts[read.index(view)];
+            CHECK(facts.mask == box_of_mask(photos[k].rgba, 60, 64));
+            CHECK(facts.half_chroma == has_half_chroma(photos[k].rgba, 60, 64));
+            CHECK(stored[k].name == photos[k].name);
+            Photo cropped = photos[k];
+            const std::vector<std::uint8_t> pixels = crop_photo(cropped);
+            for (int time = 0; time < 2; ++time) { // of the file, then of what is kept
+                const HeldPhoto one(stored[k]);
+                CHECK(std::vector<std::uint8_t>(one->rgba.begin(), one->rgba.end()) == pixels);
+                CHECK(one->box == cropped.box);
+                CHECK(one->unknown.size() == (view.camera == 2 && view.frame == 1 ? 1 : 0));
+            }
+        }
+    }
+    save_capture(folder / "again", read);
+    CHECK(load_capture(serial, folder / "again", body).image({1, 1}).data == held.image({1, 1}).data);
+
+    // A file that is lost later is told by its name; a photograph that was kept is not read again.
+    StoredPhotos kept(read, 0, std::uint64_t(1) << 20), none(read, 0, 0);
+    const std::size_t index = read.index({0, 0});
+    (void)kept.read(index), (void)none.read(index);
+    std::filesystem::remove(image(0, 0));
+    CHECK(kept.read(index).box == read.stored->facts[index].mask);
+    test::check_throws<IoError>([&] { (void)none.read(index); }, {image(0, 0)});
+}
+
+TEST_CASE_FIXTURE(StoredCapture, "so many photographs are kept as fit, those that were read first") {
+    const Capture read = load_capture(serial, path, body, {.image_memory = 1});
+    StoredPhotos photos(read, 0, 0);
+    const auto bytes = [&](std::size_t index) { return photos.read(index).rgba.size() + sizeof(PhotoContents); };
+    const std::uint64_t two = bytes(3) + bytes(4);
+    photos.keep_within(two);
+    for (const std::size_t index : {4, 3, 5}) (void)photos.read(index);
+    std::filesystem::remove_all(path / "images");
+    CHECK_NOTHROW((void)photos.read(3));
+    CHECK_NOTHROW((void)photos.read(4));
+    CHECK_THROWS_AS((void)photos.read(5), IoError);
 }
 
 TEST_CASE_FIXTURE(StoredCapture, "test frames leave training in every camera") {

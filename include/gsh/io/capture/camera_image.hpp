@@ -82,11 +82,4 @@ inline void set_alpha(const PixelImage& mask, PixelImage& image, MaskMeaning mea
     }
 }
 
-/// Whether alpha exceeds 1/2 somewhere.
-inline bool shows_person(const PixelImage& image) {
-    for (std::size_t i = 3; i < image.data.size(); i += 4)
-        if (image.data[i] > 127) return true;
-    return false;
-}
-
 } // namespace gsh::detail

@@ -61,7 +61,7 @@ template <HostExecutor E>
 void load_hidden(E& executor, const std::filesystem::path& folder, const std::vector<NamedCamera>& cameras,
                  Capture& capture) {
     const std::size_t frames = capture.frame_count();
-    std::vector<std::filesystem::path> files(capture.images.size());
+    std::vector<std::filesystem::path> files(cameras.size() * frames);
     for (const auto& place : list_folder(folder / "hidden", "a folder of each camera")) {
         const auto camera = std::find_if(cameras.begin(), cameras.end(), [&](const NamedCamera& known) {
             return known.name == place.filename().string();
@@ -80,7 +80,7 @@ void load_hidden(E& executor, const std::filesystem::path& folder, const std::ve
     }
     capture.hidden.resize(files.size());
     load_all(executor, files.size(), [&](std::size_t i) {
-        if (files[i].empty() || capture.images[i].data.empty()) return;
+        if (files[i].empty() || !capture.is_taken({i / frames, i % frames})) return;
         const NamedCamera& camera = cameras[i / frames];
         CameraImage photo; // the picture's own size and orientation must be the camera's
         photo.image = PixelImage(4, camera.camera.height, camera.camera.width);
@@ -115,7 +115,7 @@ Capture load_capture(E& executor, const std::filesystem::path& folder, const Bod
     capture.motion = load_any_motion(poses, body, motion_options, warnings);
     const std::size_t frames = capture.frame_count();
     const bool masked = InputFile(folder / "masks").is_folder();
-    const detail::PhotoFiles files =
+    detail::PhotoFiles files =
         detail::list_photos(folder, capture.cameras, masked, frames, "one per pose of " + poses.string());
 
     for (const int frame : capture.test_frames)
@@ -125,7 +125,7 @@ Capture load_capture(E& executor, const std::filesystem::path& folder, const Bod
                 "no view is left for training; give a camera the role train, and leave frames out of test_frames");
 
     const std::vector<NamedCamera> distorted = capture.cameras;
-    detail::load_photos(executor, files, 1, options, folder, capture, warnings);
+    detail::load_photos(executor, std::move(files), 1, options, folder, capture, warnings);
     if (InputFile(folder / "backgrounds").is_folder())
         for (const NamedCamera& camera : distorted) {
             const auto path = detail::image_path(folder / "backgrounds", camera.name);
@@ -145,8 +145,9 @@ Capture load_capture(E& executor, const std::filesystem::path& folder, const Bod
 
 inline void save_capture(const std::filesystem::path& folder, const Capture& capture) {
     const std::size_t frames = capture.frame_count();
-    check_size("save_capture", "images", capture.images.size(), capture.cameras.size() * frames,
-               "store one per camera and frame");
+    if (!capture.stored)
+        check_size("save_capture", "images", capture.images.size(), capture.cameras.size() * frames,
+                   "store one per camera and frame");
     std::error_code error;
     if (!capture.backgrounds.empty()) {
         check_size("save_capture", "backgrounds", capture.backgrounds.size(), capture.cameras.size(),
@@ -168,7 +169,7 @@ inline void save_capture(const std::filesystem::path& folder, const Capture& cap
             const std::string name = std::string(digits.size() < 4 ? 4 - digits.size() : 0, '0') + digits + ".png";
             const Camera<double>& camera = capture.cameras[c].camera;
             const bool taken = capture.is_taken({c, f});
-            const PixelImage& image = taken ? capture.image({c, f}) : PixelImage(4, camera.height, camera.width);
+            const PixelImage image = taken ? capture.read_image({c, f}) : PixelImage(4, camera.height, camera.width);
             detail::check_image_size(images / name, image, capture.cameras[c]);
             write_png(images / name, image);
             const Span<const UnknownPixel> hidden = capture.hidden_in({c, f});

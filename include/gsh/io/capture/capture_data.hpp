@@ -6,6 +6,7 @@
 #include <gsh/body/motion_span.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/core/span.hpp>
+#include <gsh/image/pixel_box.hpp>
 #include <gsh/image/trimap.hpp>
 #include <gsh/io/capture/named_camera.hpp>
 #include <gsh/io/image/image_file.hpp>
@@ -13,23 +14,61 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <cstdint>
 #include <filesystem>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
 
 namespace gsh {
 
+namespace detail {
+
+/// Whether alpha exceeds 1/2 somewhere.
+inline bool shows_person(const PixelImage& image) {
+    for (std::size_t i = 3; i < image.data.size(); i += 4)
+        if (image.data[i] > 127) return true;
+    return false;
+}
+
+} // namespace detail
+
 /// One image of a capture.
 struct CaptureView {
     std::size_t camera = 0, frame = 0;
+};
+
+/// Images of a capture that are read from their files when they are needed, because all of them are too large for
+/// memory.
+class StoredImages {
+public:
+    /// What is known of an image.
+    struct Facts {
+        bool taken = false;
+        bool shows_person = false; ///< alpha exceeds 1/2 somewhere
+        bool half_chroma = false;  ///< has_half_chroma
+        PixelBox mask = {};        ///< box_of_mask
+    };
+
+    StoredImages() = default;
+    StoredImages(const StoredImages&) = delete;
+    StoredImages& operator=(const StoredImages&) = delete;
+    virtual ~StoredImages() = default;
+
+    /// Reads an image as Capture::images would hold it. Several threads may call this at a time.
+    /// Errors  those of the capture's reader, which name the file.
+    [[nodiscard]] virtual PixelImage read(std::size_t image) const = 0;
+
+    std::vector<Facts> facts; ///< of each image
+    std::uint64_t memory = 0; ///< CaptureOptions::image_memory, for what is kept of images that were read
 };
 
 /// A person filmed by calibrated cameras, held in memory.
 ///
 /// Shapes  images [cameras * frames], RGBA with straight alpha (the mask), undistorted; image (c, f) has index
 ///         c * frame_count() + f and is empty if it was not taken. motion holds one pose per frame. backgrounds
-///         [cameras], opaque RGBA in the cameras' sizes, or empty.
+///         [cameras], opaque RGBA in the cameras' sizes, or empty. With `stored`, images is empty.
 struct Capture {
     std::string name;
     std::vector<NamedCamera> cameras;
@@ -48,18 +87,31 @@ struct Capture {
     std::vector<std::string> image_names = {};
     /// The pixels of each image where something is in front of the person, [cameras * frames]; empty if there are none.
     std::vector<std::vector<UnknownPixel>> hidden = {};
+    /// The images, if CaptureOptions::image_memory is too little to hold them.
+    std::shared_ptr<const StoredImages> stored = {};
 
     [[nodiscard]] std::size_t frame_count() const { return motion.frame_count(); }
-    [[nodiscard]] const PixelImage& image(CaptureView view) const {
-        return images[view.camera * frame_count() + view.frame];
+    [[nodiscard]] std::size_t index(CaptureView view) const { return view.camera * frame_count() + view.frame; }
+    /// An image that is held; stored ones are not.
+    [[nodiscard]] const PixelImage& image(CaptureView view) const { return images[index(view)]; }
+    [[nodiscard]] PixelImage& image(CaptureView view) { return images[index(view)]; }
+    /// A copy of an image that is held, or the stored one.
+    /// Errors  those of StoredImages::read.
+    [[nodiscard]] PixelImage read_image(CaptureView view) const {
+        return stored ? stored->read(index(view)) : image(view);
     }
-    [[nodiscard]] PixelImage& image(CaptureView view) { return images[view.camera * frame_count() + view.frame]; }
     /// Whether the image was taken. Before images are loaded, all count as taken.
-    [[nodiscard]] bool is_taken(CaptureView view) const { return images.empty() || !image(view).data.empty(); }
+    [[nodiscard]] bool is_taken(CaptureView view) const {
+        return stored ? stored->facts[index(view)].taken : images.empty() || !image(view).data.empty();
+    }
+    /// Whether alpha exceeds 1/2 somewhere in an image.
+    [[nodiscard]] bool shows_person(CaptureView view) const {
+        return stored ? stored->facts[index(view)].shows_person : detail::shows_person(image(view));
+    }
     /// The pixels of a view that are not compared, because something is in front of the person.
     [[nodiscard]] Span<const UnknownPixel> hidden_in(CaptureView view) const {
         if (hidden.empty()) return {};
-        return hidden[view.camera * frame_count() + view.frame];
+        return hidden[index(view)];
     }
     /// The camera's background; null if there is none.
     [[nodiscard]] const PixelImage* background(std::size_t camera) const {
@@ -123,6 +175,9 @@ struct CaptureOptions {
     double input_fps = 0;     ///< frames a second of the poses, whatever their files state; 0: as they state
     bool empty_masks = false; ///< keep images whose mask is empty; else they count as not taken
     std::optional<MotionSpan> hold_out = {}; ///< left out of training in every camera; see hold_out_motion
+    /// Bytes that images may take, four a pixel. Those of larger captures are read when they are needed, in all layouts
+    /// but GalaBasketball (Capture::stored). 0: no limit.
+    std::uint64_t image_memory = 0;
 
     // Only for foreign layouts (io/capture/any_capture.hpp); our own layout stores these in its files.
     std::optional<FrameRange> train_frames = {}, test_frames = {}; ///< instead of the data set's own split

@@ -5,6 +5,8 @@
 #include <gsh/backend/backend.hpp>
 #include <gsh/body/body_model.hpp>
 #include <gsh/core/error.hpp>
+#include <gsh/image/chroma.hpp>
+#include <gsh/image/pixel_box.hpp>
 #include <gsh/io/capture/camera_image.hpp>
 #include <gsh/io/capture/capture_data.hpp>
 #include <gsh/io/capture/capture_images.hpp>
@@ -16,12 +18,21 @@
 #include <gsh/io/image/mask_file.hpp>
 
 #include <cstddef>
+#include <cstdint>
 #include <filesystem>
+#include <memory>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
 
 namespace gsh::detail {
+
+/// Files of images and of their masks, [cameras * frames]; an empty path where a frame has none. Without any masks, the
+/// images' alpha is the mask.
+struct PhotoFiles {
+    std::vector<std::filesystem::path> images, masks;
+};
 
 /// A photograph while a capture is read.
 struct PhotoState {
@@ -30,37 +41,77 @@ struct PhotoState {
     bool ambiguous = false; ///< CameraImage::ambiguous
 };
 
-/// Decides what the masks of a camera mean that are not plain, and sets the alpha of binary ones.
-template <HostExecutor E>
-void settle_masks(E& executor, const std::vector<std::filesystem::path>& files, const NamedCamera& camera,
-                  std::size_t first, std::size_t frames, const std::vector<PhotoState>& states, Capture& capture,
-                  const std::string& folder, std::vector<std::string>* warnings) {
+/// Whether the masks of a camera that are not plain are binary: all but 0 is the person.
+inline bool are_binary(const std::vector<std::filesystem::path>& files, const NamedCamera& camera, std::size_t first,
+                       std::size_t frames, const std::vector<PhotoState>& states, const std::string& folder,
+                       std::vector<std::string>* warnings) {
     MaskLevels all;
     bool plain = false;
-    std::vector<std::size_t> pending;
+    std::optional<std::size_t> pending; // the first one
     for (std::size_t i = first; i < first + frames; ++i) {
         all.add(states[i].levels);
         plain = plain || (states[i].levels.plain() && !states[i].levels.unit);
-        if (states[i].pending) pending.push_back(i);
+        if (states[i].pending && !pending) pending = i;
     }
-    if (pending.empty()) return;
+    if (!pending) return false;
     const std::string others = frames > 1 ? " and the other masks of camera '" + shortened(camera.name) + "'" : "";
-    if (mask_meaning(files[pending[0]].string() + others, all, plain) == MaskMeaning::soft) return;
+    if (mask_meaning(files[*pending].string() + others, all, plain) == MaskMeaning::soft) return false;
     if (warnings)
         warnings->push_back(folder + ": the masks of camera '" + shortened(camera.name) + "' hold " + level_text(all) +
                             " instead of 0 and 255, so all but 0 is taken for the person");
-    executor.for_chunks(pending.size(), 1, [&](std::size_t, std::size_t begin, std::size_t end) {
-        for (std::size_t k = begin; k < end; ++k) {
-            PixelImage& image = capture.images[pending[k]];
-            for (std::size_t n = 3; n < image.data.size(); n += 4) image.data[n] = image.data[n] != 0 ? 255 : 0;
-        }
-    });
+    return true;
 }
 
-/// Files of images and of their masks, [cameras * frames]; an empty path where a frame has none. Without any masks, the
-/// images' alpha is the mask.
-struct PhotoFiles {
-    std::vector<std::filesystem::path> images, masks;
+/// Reads the photographs of a capture from their files: with their masks, undistorted, at 1/factor of their size.
+class PhotoFileReader : public StoredImages {
+public:
+    /// `cameras`: those of the files, one for each `frames` of them.
+    PhotoFileReader(PhotoFiles files, std::vector<NamedCamera> cameras, std::size_t frames, int factor)
+        : files_(std::move(files)), cameras_(std::move(cameras)), frames_(frames), factor_(factor),
+          binary_(files_.images.size(), 0) {}
+
+    [[nodiscard]] const PhotoFiles& files() const { return files_; }
+    [[nodiscard]] const std::vector<NamedCamera>& cameras() const { return cameras_; }
+    [[nodiscard]] bool is_missing(std::size_t i) const {
+        return files_.images[i].empty() || (!files_.masks.empty() && files_.masks[i].empty());
+    }
+    /// From now on, all but 0 of the photograph's mask is the person.
+    void set_binary(std::size_t i) { binary_[i] = 1; }
+
+    [[nodiscard]] PixelImage read(std::size_t i) const override {
+        PhotoState state;
+        return finished(i, as_stored(i, state));
+    }
+    /// A photograph and its mask as they are stored.
+    [[nodiscard]] PixelImage as_stored(std::size_t i, PhotoState& state) const {
+        CameraImage photo = read_camera_image(files_.images[i], cameras_[i / frames_]);
+        state.ambiguous = photo.ambiguous;
+        if (files_.masks.empty()) {
+            state.levels = alpha_levels(photo.image);
+        } else {
+            const StoredMask mask = read_mask(files_.masks[i]);
+            set_alpha(fitted_mask(files_.masks[i], mask, photo), photo.image);
+            state.levels = mask.levels;
+        }
+        state.pending = !state.levels.plain() && !state.levels.empty();
+        return std::move(photo.image);
+    }
+    /// What read() makes of it.
+    [[nodiscard]] PixelImage finished(std::size_t i, PixelImage image) const {
+        if (binary_[i] != 0)
+            for (std::size_t n = 3; n < image.data.size(); n += 4) image.data[n] = image.data[n] != 0 ? 255 : 0;
+        const NamedCamera& camera = cameras_[i / frames_];
+        if (camera.distortion) image = straighten(image, camera);
+        if (factor_ != 1) image = shrink(image, factor_);
+        return image;
+    }
+
+private:
+    PhotoFiles files_;
+    std::vector<NamedCamera> cameras_;
+    std::size_t frames_;
+    int factor_;
+    std::vector<std::uint8_t> binary_; // of each photograph: set_binary
 };
 
 /// The files FOLDER/images/CAMERA/FRAME, and FOLDER/masks/CAMERA/FRAME if there are `masks`.
@@ -85,65 +136,76 @@ inline PhotoFiles list_photos(const std::filesystem::path& folder, const std::ve
     return files;
 }
 
-/// Fills capture.images from files, undistorted and at 1/factor of their size. The capture's cameras become those of
-/// these images. A photograph counts as not taken if its image or its mask is missing, or if its mask nowhere exceeds
-/// 1/2, unless options.empty_masks.
+/// Fills capture.images from files, undistorted and at 1/factor of their size; or capture.stored, if they take more
+/// than options.image_memory. The capture's cameras become those of these images. A photograph counts as not taken if
+/// its image or its mask is missing, or if its mask nowhere exceeds 1/2, unless options.empty_masks.
 ///
 /// Errors    IoError, ShapeError, ValueError naming the file: sizes that are not the camera's, masks whose meaning is
 ///           unclear, no training photograph with a person, a factor that does not divide the size.
 /// Warnings  photographs that are not taken, masks of small numbers, orientations that sizes do not confirm.
 template <HostExecutor E>
-void load_photos(E& executor, const PhotoFiles& files, int factor, const CaptureOptions& options,
+void load_photos(E& executor, PhotoFiles photo_files, int factor, const CaptureOptions& options,
                  const std::filesystem::path& folder, Capture& capture, std::vector<std::string>* warnings) {
-    const std::vector<std::filesystem::path>& images = files.images;
-    const std::vector<std::filesystem::path>& masks = files.masks;
-    const std::vector<NamedCamera> full = capture.cameras;
-    const std::size_t frames = capture.frame_count();
+    const std::size_t frames = capture.frame_count(), count = photo_files.images.size();
+    const auto reader = std::make_shared<PhotoFileReader>(std::move(photo_files), capture.cameras, frames, factor);
+    const std::vector<std::filesystem::path>&images = reader->files().images, &masks = reader->files().masks;
+    const std::vector<NamedCamera>& full = reader->cameras();
     for (NamedCamera& camera : capture.cameras) {
         camera.camera = shrink(camera.camera, factor, folder.string());
         camera.distortion.reset();
     }
-    capture.images.resize(images.size());
     capture.image_names.clear();
     for (const auto& path : images) capture.image_names.push_back(path.stem().string());
-    std::vector<PhotoState> states(images.size());
-    const auto finish = [&](std::size_t i) {
-        PixelImage& image = capture.images[i];
-        const NamedCamera& camera = full[i / frames];
-        if (camera.distortion) image = straighten(image, camera);
-        if (factor != 1) image = shrink(image, factor);
-    };
-    const auto is_missing = [&](std::size_t i) { return images[i].empty() || (!masks.empty() && masks[i].empty()); };
-    load_all(executor, images.size(), [&](std::size_t i) {
-        if (is_missing(i)) return;
-        PhotoState& state = states[i];
-        CameraImage photo = read_camera_image(images[i], full[i / frames]);
-        state.ambiguous = photo.ambiguous;
-        if (masks.empty()) {
-            state.levels = alpha_levels(photo.image);
+    std::uint64_t bytes = 0;
+    for (std::size_t i = 0; i < count; ++i) {
+        const Camera<double>& camera = capture.cameras[i / frames].camera;
+        if (!reader->is_missing(i)) bytes += 4 * whole_picture(camera.height, camera.width).size();
+    }
+    const bool holds = options.image_memory == 0 || bytes <= options.image_memory;
+    if (holds) capture.images.resize(count);
+
+    std::vector<PhotoState> states(count);
+    reader->facts.resize(count);
+    reader->memory = options.image_memory;
+    const auto finish = [&](std::size_t i, PixelImage image) {
+        image = reader->finished(i, std::move(image));
+        StoredImages::Facts& facts = reader->facts[i];
+        facts.taken = true, facts.shows_person = shows_person(image);
+        if (holds) {
+            capture.images[i] = std::move(image);
         } else {
-            const StoredMask mask = read_mask(masks[i]);
-            set_alpha(fitted_mask(masks[i], mask, photo), photo.image);
-            state.levels = mask.levels;
+            facts.half_chroma = has_half_chroma(image.data, image.height, image.width);
+            facts.mask = box_of_mask(image.data, image.height, image.width);
         }
-        state.pending = !state.levels.plain() && !state.levels.empty();
-        capture.images[i] = std::move(photo.image);
-        if (!state.pending) finish(i);
+    };
+    load_all(executor, count, [&](std::size_t i) {
+        if (reader->is_missing(i)) return;
+        PixelImage image = reader->as_stored(i, states[i]);
+        if (!states[i].pending)
+            finish(i, std::move(image));
+        else if (holds)
+            capture.images[i] = std::move(image);
     });
     for (std::size_t c = 0; c < full.size(); ++c)
-        settle_masks(executor, masks.empty() ? images : masks, full[c], c * frames, frames, states, capture,
-                     folder.string(), warnings);
-    load_all(executor, images.size(), [&](std::size_t i) {
-        if (states[i].pending) finish(i);
+        if (are_binary(masks.empty() ? images : masks, full[c], c * frames, frames, states, folder.string(), warnings))
+            for (std::size_t i = c * frames; i < (c + 1) * frames; ++i)
+                if (states[i].pending) reader->set_binary(i);
+    load_all(executor, count, [&](std::size_t i) {
+        PhotoState again;
+        if (states[i].pending) finish(i, holds ? std::move(capture.images[i]) : reader->as_stored(i, again));
     });
+    if (!holds) capture.stored = reader;
 
     std::vector<std::size_t> missing, unmasked, empty, ambiguous;
-    for (std::size_t i = 0; i < images.size(); ++i) {
+    for (std::size_t i = 0; i < count; ++i) {
         if (states[i].ambiguous) ambiguous.push_back(i);
-        if (is_missing(i))
+        if (reader->is_missing(i)) {
             (images[i].empty() ? missing : unmasked).push_back(i);
-        else if (!options.empty_masks && !shows_person(capture.images[i]))
-            empty.push_back(i), capture.images[i] = {};
+        } else if (!options.empty_masks && !reader->facts[i].shows_person) {
+            empty.push_back(i);
+            if (holds) capture.images[i] = {};
+            reader->facts[i].taken = false;
+        }
     }
     const auto name = [&](std::size_t i) {
         return images[i].empty()
@@ -152,8 +214,8 @@ void load_photos(E& executor, const PhotoFiles& files, int factor, const Capture
     };
     const auto warn = [&](const std::vector<std::size_t>& which, const std::string& before, const std::string& after) {
         if (!which.empty() && warnings)
-            warnings->push_back(folder.string() + ": " + std::to_string(which.size()) + " of " +
-                                std::to_string(images.size()) + " photographs " + before +
+            warnings->push_back(folder.string() + ": " + std::to_string(which.size()) + " of " + std::to_string(count) +
+                                " photographs " + before +
                                 listing(which.size(), 6, [&](std::size_t k) { return name(which[k]); }) + after);
     };
     if (!empty.empty())

@@ -112,7 +112,8 @@ inline std::vector<std::string> capture_warnings(const Capture& capture, const B
         for (const std::size_t frame : looked_at) {
             auto& on_bones = points[frame];
             if (on_bones.empty()) on_bones = detail::bone_points(body, motion, frame);
-            const auto one = detail::mask_statistics(capture.cameras[c].camera, capture.image({c, frame}), on_bones);
+            const auto one =
+                detail::mask_statistics(capture.cameras[c].camera, capture.read_image({c, frame}), on_bones);
             const double weight = 1.0 / static_cast<double>(looked_at.size());
             mean.inside += weight * one.inside, mean.extent += weight * one.extent;
             mean.on_body += weight * one.on_body, mean.border += weight * one.border;

@@ -144,7 +144,7 @@ Capture load_easymocap_capture(E& executor, const std::filesystem::path& folder,
         if (camera.distortion)
             check_distortion((folder / "intri.yml").string(), camera.name, camera.camera, *camera.distortion);
     }
-    detail::load_photos(executor, files, std::max(1, options.downscale), options, folder, capture, warnings);
+    detail::load_photos(executor, std::move(files), std::max(1, options.downscale), options, folder, capture, warnings);
     detail::finish_capture(capture, body, options, folder, warnings);
     return capture;
 }

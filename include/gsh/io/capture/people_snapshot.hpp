@@ -33,6 +33,7 @@
 #include <string>
 #include <string_view>
 #include <system_error>
+#include <utility>
 #include <vector>
 
 namespace gsh {
@@ -251,7 +252,7 @@ Capture load_people_snapshot(E& executor, const std::filesystem::path& folder, c
         chosen.images.push_back(images[static_cast<std::size_t>(frames[i].number)]);
         chosen.masks.push_back(masks[static_cast<std::size_t>(frames[i].number)]);
     }
-    detail::load_photos(executor, chosen, factor, options, folder, capture, warnings);
+    detail::load_photos(executor, std::move(chosen), factor, options, folder, capture, warnings);
     detail::finish_capture(capture, body, options, folder, warnings);
     return capture;
 }
