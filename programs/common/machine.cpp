@@ -11,6 +11,7 @@
 
 #include <algorithm>
 #include <fstream>
+#include <string>
 
 namespace gsh::programs {
 
@@ -47,9 +48,23 @@ std::uint64_t peak_memory_bytes() {
 std::uint64_t memory_of_machine() {
     const std::uint64_t installed =
         static_cast<std::uint64_t>(sysconf(_SC_PHYS_PAGES)) * static_cast<std::uint64_t>(sysconf(_SC_PAGESIZE));
-    std::ifstream file("/sys/fs/cgroup/memory.max"); // "max" without a limit
-    std::uint64_t limit = 0;
-    return file >> limit ? std::min(installed, limit) : installed;
+    std::uint64_t most = installed;
+    std::ifstream groups("/proc/self/cgroup"); // lines of NUMBER:CONTROLLERS:/PATH; version 2 has no controllers
+    for (std::string line; std::getline(groups, line);) {
+        const auto first = line.find(':'), second = line.find(':', first + 1);
+        if (first == std::string::npos || second == std::string::npos) continue;
+        const std::string controllers = line.substr(first + 1, second - first - 1);
+        if (!controllers.empty() && ("," + controllers + ",").find(",memory,") == std::string::npos) continue;
+        const std::string root = controllers.empty() ? "/sys/fs/cgroup" : "/sys/fs/cgroup/memory";
+        const char* const name = controllers.empty() ? "/memory.max" : "/memory.limit_in_bytes";
+        for (std::string path = line.substr(second + 1);;
+             path.resize(path.rfind('/'))) { // a group's limit is its parts'
+            std::uint64_t limit = 0;
+            if (std::ifstream file(root + path + name); file >> limit) most = std::min(most, limit); // not for "max"
+            if (path.rfind('/') == std::string::npos) break;
+        }
+    }
+    return most;
 }
 
 std::string processor_name() {

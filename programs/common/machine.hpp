@@ -46,7 +46,7 @@ std::uint64_t resident_bytes();
 /// Peak resident memory of this process, in bytes.
 std::uint64_t peak_memory_bytes();
 
-/// Memory that this machine has, or that its container may use, in bytes.
+/// Memory that this machine has, or that this process's control group may use, in bytes.
 std::uint64_t memory_of_machine();
 
 /// The name of the processor.

@@ -55,22 +55,35 @@ TEST_CASE("a plan's memory is exactly enough for its Gaussians") {
     }
 }
 
-TEST_CASE("stored images take the memory of a few, and what Gaussians leave keeps photographs") {
+TEST_CASE("stored images take the memory of a few and of those that are kept, which a limit of memory bounds") {
     cpu::Threads host(2);
     Recipe recipe = small_recipe();
-    const ReconstructionInput held = small_input(), stored = test::with_stored_images(small_input(), 1 << 20);
-    const ReconstructionPlan of_held = plan_reconstruction<cpu::Threads>(held, recipe),
-                             of_stored = plan_reconstruction<cpu::Threads>(stored, recipe);
-    CHECK(of_stored.training_images == of_held.training_images);
-    CHECK(of_stored.test_images == of_held.test_images);
-    CHECK(of_stored.pixels == of_held.pixels);
-    CHECK(of_stored.image_bytes == 0);
-    CHECK(of_stored.memory <= of_held.memory);
-    recipe.max_memory = of_stored.memory;
-    const ReconstructionSetup setup = make_setup(host, stored, recipe);
-    CHECK(setup.gaussian_count() == recipe.gaussians);
-    REQUIRE(setup.stored);
-    CHECK(!make_setup(host, held, recipe).stored);
+    const auto stored = [](std::uint64_t memory) { return test::with_stored_images(small_input(), memory); };
+    const auto plan = [&](const ReconstructionInput& input) {
+        return plan_reconstruction<cpu::Threads>(input, recipe);
+    };
+    const ReconstructionPlan held = plan(small_input()), none = plan(stored(0)), all = plan(stored(1 << 20));
+    CHECK(none.training_images == held.training_images);
+    CHECK(none.test_images == held.test_images);
+    CHECK(none.pixels == held.pixels);
+    CHECK(none.image_bytes == 0);
+    CHECK(none.memory < held.memory + 5 * 30 * 64 * 64 + 1); // of the threads that read
+    CHECK(plan(stored(1000)).memory == none.memory + 1000);
+    CHECK(all.memory - none.memory <= 4 * 64 * 64 * 4);
+    CHECK(all.memory - none.memory > 4 * 4 * (none.pixels - 1));
+
+    const auto kept = [&](std::uint64_t image_memory, std::uint64_t max_memory) {
+        recipe.max_memory = max_memory;
+        const ReconstructionInput input = stored(image_memory);
+        const ReconstructionSetup setup = make_setup(host, input, recipe);
+        CHECK(setup.gaussian_count() == recipe.gaussians);
+        return setup.stored->memory();
+    };
+    CHECK(kept(5000, 0) == 5000);
+    CHECK(kept(5000, none.memory) == 0);
+    CHECK(kept(5000, none.memory + 700) == 700);
+    CHECK(kept(5000, none.memory + 7000) == 5000);
+    CHECK(!make_setup(host, small_input(), small_recipe()).stored);
 }
 
 TEST_CASE("a plan without photographs for training is refused") {

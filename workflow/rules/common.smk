@@ -74,7 +74,11 @@ def capture_words(wildcards, input):
 def reconstruct_words(wildcards, input):
     """The options of a reconstruction by which its avatar may differ."""
     words = ["--capture", *capture_words(wildcards, input), "--backend", config["reconstruct"]["backend"]]
-    return shlex.join([*words, *subject_of(wildcards).options])
+    options = subject_of(wildcards).options
+    if not any(option.split("=")[0] == "--image-memory" for option in options):
+        # Plan and run shall hold the same images, whatever memory their two machines have.
+        words += ["--image-memory", "1000000000000000"]
+    return shlex.join([*words, *options])
 
 
 def log_of(stage):

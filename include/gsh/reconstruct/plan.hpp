@@ -42,10 +42,12 @@ template <CpuBackend B, class Parts = AvatarParts>
                             .test_images = setup.test_photos.size()};
     plan.gaussians = detail::gaussians_within_memory<Parts, B>(input, recipe, on_device, setup);
     for (const Photo& photo : setup.photos) plan.pixels += detail::box_of_photo(input.capture, photo).size();
+    const std::uint64_t photo_bytes = 4 * plan.pixels; // cropped
     plan.pixels /= setup.photos.size();
     for (const auto* images : {&input.capture.images, &input.capture.backgrounds})
         for (const auto& image : *images) plan.image_bytes += image.data.size();
     plan.memory = detail::memory_of_training<Parts, B>(input, setup, on_device).bytes(plan.gaussians);
+    if (setup.stored && !on_device) plan.memory += std::min(photo_bytes, setup.stored->memory()); // that are kept
     return plan;
 }
 

@@ -119,7 +119,9 @@ inline PixelBox box_of_photo(const Capture& capture, const Photo& photo) {
 
 /// Bytes in the memory that is limited which training needs apart from the avatars: the plates and the cropped
 /// photographs. A device has three of each at least (FetchAhead). Of stored photographs, few are in memory at a time.
-inline std::size_t bytes_of_images(const Capture& capture, const ReconstructionSetup& setup, bool on_device) {
+/// `pixels`: those of the largest image.
+inline std::size_t bytes_of_images(const Capture& capture, const ReconstructionSetup& setup, std::size_t pixels,
+                                   bool on_device) {
     struct Sum {
         std::size_t all = 0, largest = 0;
         void add(std::size_t size) { all += size, largest = std::max(largest, size); }
@@ -130,8 +132,13 @@ inline std::size_t bytes_of_images(const Capture& capture, const ReconstructionS
             if (known.insert(photo.plate.data()).second) plates.add(photo.plate.size());
             pictures.add(4 * box_of_photo(capture, photo).size());
         }
-    if (capture.stored) pictures.all = std::min(pictures.all, (PhotoPrefetchParams().depth + 1) * pictures.largest);
     std::size_t bytes = 0;
+    if (capture.stored) { // on any machine the same: the number of Gaussians must not depend on its processors
+        constexpr PhotoPrefetchParams most{.threads = most_photo_threads};
+        constexpr std::size_t bytes_per_pixel = 30; // of a whole image, its mask and its trimap, while it is read
+        pictures.all = std::min(pictures.all, (most.depth + 1) * pictures.largest);
+        bytes = (most.threads + 1) * pixels * bytes_per_pixel;
+    }
     for (const Sum& images : {plates, pictures})
         bytes += on_device ? std::min(images.all, 3 * images.largest) : images.all;
     return bytes;
@@ -145,7 +152,7 @@ MemoryModel memory_of_training(const ReconstructionInput& input, const Reconstru
         pixels = std::max(pixels, static_cast<std::size_t>(camera.camera.width) *
                                       static_cast<std::size_t>(camera.camera.height));
     return training_memory<B, Parts>(setup.configuration.avatar, pixels,
-                                     bytes_of_images(input.capture, setup, on_device), input.people.size(),
+                                     bytes_of_images(input.capture, setup, pixels, on_device), input.people.size(),
                                      {.joint_count = input.body().joint_count(),
                                       .vertex_count = input.body().vertex_count(),
                                       .frame_count = input.capture.frame_count()},
@@ -169,11 +176,11 @@ std::size_t gaussians_within_memory(const ReconstructionInput& input, const Reci
     if (count < recipe.gaussians)
         setup.warnings.push_back(std::to_string(count) + " instead of " + std::to_string(recipe.gaussians) +
                                  " Gaussians, to stay within " + std::to_string(recipe.max_memory) + " bytes");
-    const std::uint64_t left = recipe.max_memory - memory.bytes(count);
+    const std::uint64_t left = recipe.max_memory - std::min(recipe.max_memory, memory.bytes(count));
     if (on_device)
         setup.configuration.train.photo_memory = std::max<std::uint64_t>(left, 1);
     else if (setup.stored)
-        setup.stored->keep_within(left);
+        setup.stored->keep_within(std::min(left, setup.stored->memory()));
     return count;
 }
 
@@ -191,13 +198,13 @@ inline void add_photographs(const ReconstructionInput& input, ReconstructionSetu
         const int height = photo.camera.height, width = photo.camera.width;
         if (setup.stored) {
             photo.source = setup.stored;
-            photo.half_chroma = input.capture.stored->facts[photo.source_index].half_chroma;
+            photo.half_chroma =
+                configuration.half_chroma && input.capture.stored->facts[photo.source_index].half_chroma;
         } else {
             setup.unknown.push_back(unbelieved_pixels(photo.rgba, height, width, band, photo.unknown));
             photo.unknown = Span<const UnknownPixel>(setup.unknown.back());
-            photo.half_chroma = has_half_chroma(photo.rgba, height, width);
+            photo.half_chroma = configuration.half_chroma && has_half_chroma(photo.rgba, height, width);
         }
-        photo.half_chroma = photo.half_chroma && configuration.half_chroma;
         if (input.registration) photo.weight = input.registration->frame_weights[photo.frame];
     }
 }

@@ -177,6 +177,14 @@ TEST_CASE_FIXTURE(StoredCapture, "images that take more than the memory for them
             }
         }
     }
+    const StoredPhotos shared(read, 0, 10'000); // several threads read, and keep some
+    std::vector<PhotoContents> contents(9), again(9);
+    for (auto* into : {&contents, &again})
+        threads.for_chunks(9, 1, [&](std::size_t, std::size_t begin, std::size_t end) {
+            for (std::size_t i = begin; i < end; ++i)
+                if (read.stored->facts[i].taken) (*into)[i] = shared.read(i);
+        });
+    for (std::size_t i = 0; i < 9; ++i) CHECK(contents[i].rgba == again[i].rgba);
     save_capture(folder / "again", read);
     CHECK(load_capture(serial, folder / "again", body).image({1, 1}).data == held.image({1, 1}).data);
 

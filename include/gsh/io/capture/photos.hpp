@@ -41,6 +41,11 @@ public:
     StoredPhotos(const Capture& capture, double band, std::uint64_t memory)
         : capture_(&capture), band_(band), kept_(capture.stored->facts.size()), memory_(memory) {}
 
+    /// The limit of memory.
+    [[nodiscard]] std::uint64_t memory() const {
+        const std::lock_guard lock(mutex_);
+        return memory_;
+    }
     /// Changes the limit of memory. What is kept already stays.
     void keep_within(std::uint64_t memory) {
         const std::lock_guard lock(mutex_);
