@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 /// What no Gaussian has is refused by all writers, and nothing is written.
+#include <gsh/io/splat/any_splats.hpp>
 #include <gsh/io/splat/compressed_ply.hpp>
 #include <gsh/io/splat/gltf_splats.hpp>
 #include <gsh/io/splat/ply.hpp>
@@ -12,6 +13,7 @@
 
 #include <cmath>
 #include <cstddef>
+#include <filesystem>
 #include <functional>
 #include <limits>
 #include <vector>
@@ -52,6 +54,24 @@ TEST_CASE("writers refuse numbers that are not finite, and quaternions of length
     refused([&](Cloud& cloud) { cloud.opacity_logits[2] = none; }, "opacity");
     refused([&](Cloud& cloud) { cloud.sh[11].x = endless; }, "colour");
     CHECK(folder.file_count() == 0);
+}
+
+TEST_CASE("a quaternion of any length in a file is a rotation, which comes back from another file") {
+    CHECK(!detail::rotation_of_file({0, 0, 0, 0}));
+    const auto own = detail::rotation_of_file({2, 0, 0, -1}), tiny = detail::rotation_of_file({0, 3e-30, 0, 4e-30}),
+               large = detail::rotation_of_file({0, 3e30, 0, -4e30});
+    CHECK((own->w == 2 && own->z == -1));
+    CHECK((tiny->x == 0.6f && tiny->z == 0.8f));
+    CHECK((large->x == 0.6f && large->z == -0.8f));
+
+    const test::Temporary folder;
+    const StillSplats read = load_any_splats( // its last rotation is -8.4e18 long
+        std::filesystem::path(GSH_SOURCE_DIR) / "tests/fuzz/corpus/gltf-splats/long_quaternion.gltf");
+    const auto norm = [](const quat<float>& q) { return std::sqrt(dot(q, q)); };
+    CHECK(norm(read.cloud.quats.at(5)) == doctest::Approx(1));
+    write_gaussian_ply(folder / "a.ply", read.cloud);
+    write_gaussian_ply(folder / "b.ply", read_gaussian_ply(folder / "a.ply"));
+    CHECK(read_file(folder / "a.ply") == read_file(folder / "b.ply"));
 }
 
 TEST_CASE("a Gaussian's size is its middle axis") {

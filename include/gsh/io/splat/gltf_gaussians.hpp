@@ -103,8 +103,10 @@ struct GltfSplatTraits {
                 throw ValueError(file.name() + ": " + where + ": Gaussian " + std::to_string(i) + " has " + what);
         };
         cloud.means[i] = {means[3 * i], means[3 * i + 1], means[3 * i + 2]};
-        cloud.quats[i] = {rotations[4 * i + 3], rotations[4 * i], rotations[4 * i + 1], rotations[4 * i + 2]};
-        check(dot(cloud.quats[i], cloud.quats[i]) > 0, "a rotation of length 0");
+        const auto rotation =
+            rotation_of_file({rotations[4 * i + 3], rotations[4 * i], rotations[4 * i + 1], rotations[4 * i + 2]});
+        check(rotation.has_value(), "a rotation of length 0");
+        cloud.quats[i] = *rotation;
         cloud.log_scales[i] = {scales[3 * i], scales[3 * i + 1], scales[3 * i + 2]};
         check(opacities[i] >= 0 && opacities[i] <= 1, "an opacity that is not within 0 to 1");
         cloud.opacity_logits[i] = std::clamp(float(logit(double(opacities[i]))), -certain_logit, certain_logit);

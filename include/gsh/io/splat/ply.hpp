@@ -183,13 +183,11 @@ private:
         file_.refuse(vertices_, wanted_[k].name, i, value, expected);
     }
 
-    /// Quaternions may have any length. Those whose square is beyond float become unit ones.
     [[nodiscard]] quat<float> rotation(const quat<double>& q, std::size_t i) const {
-        const double squared = dot(q, q);
-        check_value(squared > 0, file_.name(),
+        const auto found = rotation_of_file(q);
+        check_value(found.has_value(), file_.name(),
                     "the quaternion rot_0..3 of vertex " + std::to_string(i) + " is 0, expected a rotation");
-        const double s = squared > 1e-20 && squared < 1e20 ? 1 : 1 / std::sqrt(squared);
-        return {float(q.w * s), float(q.x * s), float(q.y * s), float(q.z * s)};
+        return *found;
     }
 
     /// Mip-Splatting's files hold Gaussians before their 3D filter, a Gaussian of its own width: variances are sums,

@@ -7,6 +7,7 @@
 #include <gsh/gaussian/splats.hpp>
 #include <gsh/io/file/text_lines.hpp>
 #include <gsh/io/splat/splat_axes.hpp>
+#include <gsh/math/quat.hpp>
 #include <gsh/math/vec.hpp>
 
 #include <algorithm>
@@ -77,6 +78,19 @@ inline void check_writable(std::string_view where, const GaussianCloud<float>& c
     for (std::size_t k = 0; k < cloud.sh.size(); ++k)
         if (!finite(cloud.sh[k])) fail(k / basis, "colour");
 }
+
+namespace detail {
+
+/// A quaternion of a file as a Gaussian has it. It may have any length; one whose square is beyond float becomes a unit
+/// one. Nothing if its length is 0.
+[[nodiscard]] inline std::optional<quat<float>> rotation_of_file(const quat<double>& q) {
+    const double squared = dot(q, q);
+    if (!(squared > 0)) return std::nullopt;
+    const double s = squared > 1e-20 && squared < 1e20 ? 1 : 1 / std::sqrt(squared);
+    return quat<float>{float(q.w * s), float(q.x * s), float(q.y * s), float(q.z * s)};
+}
+
+} // namespace detail
 
 /// How large a Gaussian is, as a logarithm: its middle axis, so that neither flat ones nor needles count as larger or
 /// smaller than they are seen.
