@@ -112,7 +112,6 @@ public:
         if (std::none_of(photos.begin(), photos.end(), [](const Photo& photo) { return photo.source != nullptr; }))
             return;
         prefetcher_ = std::make_unique<PhotoPrefetcher>(photos);
-        for (const Photo& photo : photos) has_source_.push_back(photo.source != nullptr);
         backend_ = &backend;
     }
 
@@ -121,7 +120,7 @@ public:
     void prepare(std::size_t photo) {
         if constexpr (!B::host_memory)
             views_[photo].rgba = rgba_.get(photo), views_[photo].plate = plates_.get(plate_of_[photo]);
-        if (prefetcher_ && has_source_[photo]) show(prefetcher_->get(photo), views_[photo]);
+        if (prefetcher_ && prefetcher_->has_source(photo)) show(prefetcher_->get(photo), views_[photo]);
     }
     /// Announces the photograph of the next call of prepare, after the work on the present one has been queued.
     void fetch(std::size_t photo) {
@@ -168,7 +167,6 @@ private:
     detail::BudgetedBytes<B> rgba_, plates_;
     std::vector<std::size_t> plate_of_; // of each photograph
     std::unique_ptr<PhotoPrefetcher> prefetcher_; // null if no photograph has a source
-    std::vector<bool> has_source_;                // of each photograph
     B* backend_ = nullptr;                        // to which the current one goes
     typename B::template Buffer<std::uint8_t> shown_rgba_;
     typename B::template Buffer<UnknownPixel> shown_unknown_;

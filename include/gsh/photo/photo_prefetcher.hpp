@@ -60,6 +60,8 @@ public:
         for (std::thread& thread : threads_) thread.join();
     }
 
+    /// Whether a photograph has a source.
+    [[nodiscard]] bool has_source(std::size_t photo) const { return places_[photo].source != nullptr; }
     /// How many photographs may be announced ahead.
     [[nodiscard]] std::size_t depth() const { return slots_.size(); }
 
@@ -157,7 +159,7 @@ private:
             PhotoContents contents;
             std::exception_ptr error;
             try {
-                contents = read(slot.photo); // nobody changes a slot that is being read
+                contents = read(slot.photo); // get and fetch leave a slot that is being read as it is
             } catch (...) {
                 error = std::current_exception();
             }
