@@ -24,8 +24,9 @@ namespace gsh {
 inline constexpr std::size_t most_photo_threads = 4;
 
 struct PhotoPrefetchParams {
-    /// That read. They are few, because training works on all processors beside them.
-    std::size_t threads = std::clamp<std::size_t>(std::thread::hardware_concurrency() / 4, 1, most_photo_threads);
+    /// That read. Training works on all processors beside them, so they matter where its steps are shorter than reading
+    /// takes, as on reduced photographs.
+    std::size_t threads = std::clamp<std::size_t>(std::thread::hardware_concurrency() / 2, 2, most_photo_threads);
     /// The most photographs that are announced and not yet returned.
     std::size_t depth = 2 * threads + 2;
 };

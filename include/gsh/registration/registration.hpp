@@ -10,7 +10,6 @@
 #include <gsh/core/error.hpp>
 #include <gsh/core/span.hpp>
 #include <gsh/fit/view_keypoints.hpp>
-#include <gsh/image/pixel_box.hpp>
 #include <gsh/model/avatar_start.hpp>
 #include <gsh/model/configured_avatar.hpp>
 #include <gsh/photo/photo.hpp>
@@ -18,6 +17,7 @@
 #include <gsh/photo/reduced_photos.hpp>
 #include <gsh/refine/refinement.hpp>
 #include <gsh/refine/refinement_params.hpp>
+#include <gsh/registration/empty_error.hpp>
 #include <gsh/registration/frame_doubt.hpp>
 #include <gsh/registration/keypoint_term.hpp>
 #include <gsh/setup/canonical_setup.hpp>
@@ -33,6 +33,7 @@
 #include <cstdint>
 #include <deque>
 #include <functional>
+#include <memory>
 #include <numeric>
 #include <optional>
 #include <set>
@@ -151,24 +152,6 @@ namespace detail {
     return config;
 }
 
-/// The squared error that an empty scene would have in a photograph: the mean over its channels and pixels. A random
-/// background has a variance of 1/12 about 1/2.
-[[nodiscard]] inline double empty_error(const Photo& photo) {
-    double sum = 0;
-    const PixelBox whole = whole_picture(photo.camera.height, photo.camera.width);
-    for (int y = 0; y < whole.height; ++y)
-        for (int x = 0; x < whole.width; ++x) {
-            const std::uint8_t* pixel = photo.pixel(x, y);
-            const double alpha = pixel[3] / 255.0;
-            for (std::size_t c = 0; c < 3; ++c) {
-                const double behind = photo.plate.empty() ? 0.5 : photo.plate[4 * whole.index(x, y) + c] / 255.0;
-                const double off = pixel[c] / 255.0 - behind;
-                sum += alpha * alpha * (off * off + (photo.plate.empty() ? 1 / 12.0 : 0));
-            }
-        }
-    return sum / static_cast<double>(3 * whole.size());
-}
-
 /// What one level trains on.
 struct LevelInput {
     const RegistrationLevel& level;
@@ -216,6 +199,9 @@ void register_level(B& backend, H& host, Span<const RegisteredPerson> people, Le
         scene.refine(refinements[p], p);
         if (!people[p].keypoints.empty()) scene.add(keypoints[p], p);
     }
+    const auto measured = std::make_shared<const MeasuredPhotos>(photos);
+    for (std::size_t i = 0; i < photos.size(); ++i)
+        if (photos[i].source) photos[i].source = measured, photos[i].source_index = i;
     Trainer<B, Scene> trainer(backend, scene, photos, seed, registration_training(config.train, params.gain));
 
     // Of each frame, over the last visits of its photographs: squared errors, those of an empty scene, number.
@@ -223,10 +209,10 @@ void register_level(B& backend, H& host, Span<const RegisteredPerson> people, Le
     const auto read = [&] {
         for (const StepValues& values : trainer.history()) {
             if (values.step + photos.size() <= steps) continue;
-            const Photo& photo = photos[trainer.photo_of_step(values.step - 1)];
-            squares[photo.frame] += std::pow(10, -values.psnr / 10);
-            empty[photo.frame] += empty_error(*HeldPhoto(photo));
-            counts[photo.frame] += 1;
+            const std::size_t photo = trainer.photo_of_step(values.step - 1), frame = photos[photo].frame;
+            squares[frame] += std::pow(10, -values.psnr / 10);
+            empty[frame] += measured->empty_error(photo);
+            counts[frame] += 1;
         }
     };
     while (trainer.step_count() < steps) {
