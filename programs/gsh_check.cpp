@@ -84,7 +84,7 @@ std::vector<int> joint_sides(const BodyModel& body) {
 /// body.
 PixelImage overlay(const ReconstructionInput& input, CaptureView view, const std::vector<std::vector<int>>& sides) {
     const OverlayColors colors;
-    const PixelImage& image = input.capture.image(view);
+    const PixelImage image = input.capture.read_image(view);
     const Camera<double>& camera = input.capture.cameras[view.camera].camera;
     std::vector<PosedBody> posed;
     for (std::size_t p = 0; p < input.people.size(); ++p) posed.push_back(input.posed(p, view.frame));
@@ -264,6 +264,7 @@ int main(int argc, char** argv) try {
     app.add_option("--out", options.out, "folder for pictures and check.json (default ./check)");
     app.add_option("--frames", options.frames, "number of frames to check, evenly spaced (default 30; 0: all)")
         ->check(not_negative());
+    add_image_memory(app, options);
     add_threads(app, options.threads);
     std::string ignored;
     const CLI::Option* backend = app.add_option("--backend", ignored)->group(""); // not listed by --help

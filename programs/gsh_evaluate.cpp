@@ -50,6 +50,7 @@ void add_options(CLI::App& app, EvaluateOptions& o) {
         ->check(CLI::Range(1, 100'000'000));
     app.add_option("--seed", common.seed, "seed of all random choices (default 0)")->check(not_negative());
     add_backend(app, common.machine);
+    add_image_memory(app, common);
     add_refine(app, common);
     add_hold_out(app, common);
     add_lpips(app, common);

@@ -285,6 +285,7 @@
 #include <gsh/setup/static_start.hpp>
 #include <gsh/setup/unseen_points.hpp>
 
+#include <gsh/registration/empty_error.hpp>
 #include <gsh/registration/frame_doubt.hpp>
 #include <gsh/registration/keypoint_scale.hpp>
 #include <gsh/registration/keypoint_term.hpp>

@@ -33,12 +33,9 @@ void check_priors(const EstimatedPriors& priors, const Capture& capture) {
                             ", which --hold-out-motion leaves out of training; expected maps of other frames");
 }
 
-/// Bytes that the images of a capture may take in this process: CaptureOptions::image_memory.
-std::uint64_t image_memory_of(const ReconstructOptions& o) {
-    if (o.image_memory > 0) return o.image_memory;
-    const std::uint64_t half = memory_of_machine() / 2; // training and what is made of a few images need some, too
-    const bool limits_host = o.max_memory > 0 && o.machine.backend != "cuda";
-    return std::max<std::uint64_t>(limits_host ? std::min(half, o.max_memory / 2) : half, 1);
+/// Half of a memory, at least a byte. The rest is for training and for what is made of a few images.
+std::uint64_t half_of(std::uint64_t memory) {
+    return std::max<std::uint64_t>(memory / 2, 1);
 }
 
 } // namespace
@@ -47,6 +44,11 @@ ReconstructionInput load_people(cpu::Threads& backend, const PeopleOptions& o, c
     ReconstructionInput input;
     CaptureOptions options = how;
     options.input_fps = o.input_fps;
+    const std::uint64_t half = half_of(memory_of_machine());
+    if (o.image_memory > 0)
+        options.image_memory = o.image_memory;
+    else
+        options.image_memory = how.image_memory > 0 ? std::min(half, how.image_memory) : half;
     for (const auto& file : o.bodies) input.bodies.push_back(body_of_file(file));
     const std::vector<std::filesystem::path> poses(o.poses.begin(), o.poses.end());
     PeopleCapture loaded = people_of_folder(backend, o.capture, input.bodies, poses, options, input.warnings);
@@ -69,7 +71,9 @@ ReconstructionInput load_input(cpu::Threads& backend, const ReconstructOptions& 
         if (const auto span = held_out_span(o)) hold_out_motion(input.capture, *span);
         input.people.push_back({"actor", 0, input.capture.motion});
     } else {
-        input = load_people(backend, o, {.hold_out = held_out_span(o), .image_memory = image_memory_of(o)});
+        const bool limits_host = o.max_memory > 0 && o.machine.backend != "cuda";
+        input = load_people(backend, o,
+                            {.hold_out = held_out_span(o), .image_memory = limits_host ? half_of(o.max_memory) : 0});
         if (input.bodies[0].faces.empty())
             input.warnings.push_back(o.capture.string() +
                                      ": its body has no triangles, so each person gets one Gaussian per vertex; "

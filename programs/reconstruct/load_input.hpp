@@ -15,7 +15,8 @@
 
 namespace gsh::programs {
 
-/// Loads the files that the options name.
+/// Loads the files that the options name. Without --image-memory, images take at most half of the machine's memory, and
+/// at most how.image_memory.
 /// Errors  those of the files.
 ReconstructionInput load_people(cpu::Threads& backend, const PeopleOptions& o, const CaptureOptions& how = {});
 

@@ -28,6 +28,16 @@ inline void add_people(CLI::App& app, PeopleOptions& o) {
         ->check(above_zero());
 }
 
+/// The option --image-memory.
+inline void add_image_memory(CLI::App& app, PeopleOptions& o,
+                             const std::string& usual = "half of the machine's memory") {
+    app.add_option("--image-memory", o.image_memory,
+                   "bytes that the capture's images may take; those of larger captures are read when they are needed "
+                   "(default: " +
+                       usual + ")")
+        ->check(above_zero());
+}
+
 /// The options --lpips and --lpips-table.
 inline void add_lpips(CLI::App& app, ReconstructOptions& o) {
     app.add_option("--lpips", o.lpips, "LPIPS weights (.safetensors or .npz); the results then include LPIPS");
@@ -81,10 +91,7 @@ inline void add_options(CLI::App& app, ReconstructOptions& o) {
                    "limit on memory in bytes (with --backend cuda: of the GPU); reduces the number of Gaussians if "
                    "needed")
         ->check(above_zero());
-    app.add_option("--image-memory", o.image_memory,
-                   "bytes that the capture's images may take; those of larger captures are read when they are needed "
-                   "(default: half of the machine's memory, and half of --max-memory on a CPU)")
-        ->check(above_zero());
+    add_image_memory(app, o, "half of the machine's memory, and half of --max-memory on a CPU");
     app.add_option("--checkpoint-interval", o.checkpoint_interval, "seconds between checkpoints (default 5)")
         ->check(above_zero());
     app.add_option("--config", o.config,

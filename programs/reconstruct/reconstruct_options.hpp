@@ -27,6 +27,7 @@ struct PeopleOptions {
     std::vector<std::filesystem::path> bodies; ///< one for all, or one per person
     std::vector<std::string> poses;            ///< one per person; empty: poses.npz
     double input_fps = 0;                      ///< of the poses; 0: as their files state
+    std::uint64_t image_memory = 0;            ///< of the capture in bytes; 0: load_people decides
 };
 
 struct ReconstructOptions : PeopleOptions {
@@ -55,7 +56,6 @@ struct ReconstructOptions : PeopleOptions {
     std::uint64_t seed = 0;
     BackendOption machine;
     std::uint64_t max_memory = 0;   ///< bytes of the host, or of the GPU with --backend cuda; 0: no limit
-    std::uint64_t image_memory = 0; ///< bytes of the host for a capture's images; 0: image_memory_of decides
     double checkpoint_interval = 5; ///< seconds
     std::string given;              ///< all of the above as given_options has them, for checkpoints; may be empty
 };

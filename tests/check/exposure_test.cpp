@@ -123,6 +123,15 @@ TEST_CASE("a check finds the exposure of photographs and the holes of masks, and
     CHECK(lines[0].text == test::contains("exposure drifts from -0."));
     CHECK(lines[0].text == test::contains("gain.rate"));
 
+    const CaptureCheck few = check_capture(backend, capture, body, {.exposures = 6}); // three of each camera
+    for (std::size_t t = 0; t < 5; ++t) {
+        CHECK(few.views[t].stops.has_value() == (t % 2 == 0));
+        CHECK(few.views[5 + t].stops.has_value() == (t % 2 == 0));
+        CHECK(few.views[t].missing == drifting.views[t].missing);
+    }
+    CHECK(std::abs(few.views[2].stops->y - few.views[0].stops->y - 0.7) < 0.06);
+    CHECK(std::abs(few.views[4].stops->y - few.views[0].stops->y - 0.4) < 0.06);
+
     PixelImage& torn = capture.images[7]; // a blob of a tenth of the person's height is missing in its mask
     for (int y = 70; y < 84; ++y)
         for (int x = 73; x < 87; ++x) torn.pixel(y, x)[3] = 0;

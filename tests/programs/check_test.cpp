@@ -103,6 +103,13 @@ TEST_CASE("a good capture: figures, pictures, and nothing to complain about") {
         CHECK(read_file(out / name) == read_file(other / name));
     }
     CHECK(read_file(out / "check.json") == read_file(other / "check.json"));
+    // Images that are read when they are needed give the same results.
+    test::check_done(run(words(studio().path, other, {"--image-memory", "1"})));
+    for (const auto& image : json.at("images")) {
+        const auto name = image.at("overlay").get<std::string>();
+        CHECK(read_file(out / name) == read_file(other / name));
+    }
+    CHECK(read_file(out / "check.json") == read_file(other / "check.json"));
     test::check_done(run(words(studio().path, other, {"--frames", "1"})));
     CHECK(json_of(other / "check.json").at("images").size() == 3);
     CHECK(test::files_below(other) == 4); // pictures of the earlier run are gone

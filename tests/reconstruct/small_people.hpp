@@ -3,11 +3,9 @@
 #pragma once
 
 #include "support/crossing_actors.hpp"
+#include "support/held_images.hpp"
 
-#include <gsh/image/chroma.hpp>
-#include <gsh/image/pixel_box.hpp>
 #include <gsh/io/capture/capture_data.hpp>
-#include <gsh/io/image/image_file.hpp>
 #include <gsh/reconstruct/input.hpp>
 #include <gsh/reconstruct/recipe.hpp>
 #include <gsh/setup/configuration.hpp>
@@ -40,27 +38,9 @@ inline ReconstructionInput small_input(std::size_t people = 1) {
     return input;
 }
 
-/// The input's images in place of files.
-class HeldImages : public StoredImages {
-public:
-    explicit HeldImages(std::vector<PixelImage> images) : images_(std::move(images)) {
-        for (const PixelImage& image : images_)
-            facts.push_back({.taken = !image.data.empty(),
-                             .shows_person = gsh::detail::shows_person(image),
-                             .half_chroma = has_half_chroma(image.data, image.height, image.width),
-                             .mask = box_of_mask(image.data, image.height, image.width)});
-    }
-    [[nodiscard]] PixelImage read(std::size_t image) const override { return images_.at(image); }
-
-private:
-    std::vector<PixelImage> images_;
-};
-
 /// The same input with images that are read when they are needed. `memory`: StoredImages::memory.
 inline ReconstructionInput with_stored_images(ReconstructionInput input, std::uint64_t memory = 0) {
-    const auto stored = std::make_shared<HeldImages>(std::exchange(input.capture.images, {}));
-    stored->memory = memory;
-    input.capture.stored = stored;
+    (void)store_images(input.capture, memory);
     return input;
 }
 

@@ -56,6 +56,13 @@ class Table(InFolder):
         self.assertEqual((ann.avatars(), duo.avatars()), (["avatar"], ["avatar-ann", "avatar-bob"]))
         self.assertEqual((zoe.videos, zoe.capture, zoe.options), (("v.mp4", "w 2.mp4"), "", ()))
 
+    def test_image_memory_is_found_among_the_options(self):
+        subjects = self.read(
+            "name,capture,options\na,c,\nb,c,--image-memory 5 --steps 2\nd,c,--steps 3 --image-memory=7\n"
+            "e,c,--image-memory\n"
+        )
+        self.assertEqual([s.image_memory() for s in subjects.values()], [None, "5", "7", None])
+
     def test_tabs_and_byte_order_marks_are_read(self):
         subjects = self.read(b"\xef\xbb\xbfname\tcapture\r\nann\ta,b\r\n", ".tsv")
         self.assertEqual(subjects["ann"].capture, "a,b")

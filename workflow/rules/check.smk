@@ -3,6 +3,10 @@
 # stages in one job.
 
 
+def check_words(wildcards, input):
+    return shlex.join(capture_words(wildcards, input) + image_memory_words(subject_of(wildcards)))
+
+
 rule check:
     input:
         unpack(inputs_of),
@@ -15,7 +19,7 @@ rule check:
     params:
         check_record=record_of("check"),
         plan_record=record_of("plan"),
-        capture=lambda wildcards, input: shlex.join(capture_words(wildcards, input)),
+        words=check_words,
         reconstruction=reconstruct_words,
         accept=lambda wildcards: "--accept 1" if subject_of(wildcards).findings == "ignore" else "",
     wildcard_constraints:
@@ -29,6 +33,6 @@ rule check:
         "{RUN_STAGE} --record {params.check_record:q} --log {log.check:q} --attempt {resources.attempt} {params.accept}"
         " --then {params.plan_record:q}"
         " --findings {output.check:q} --out $(dirname {output.check:q})"
-        " -- {PROGRAMS}gsh-check {params.capture} --threads {threads} &&"
+        " -- {PROGRAMS}gsh-check {params.words} --threads {threads} &&"
         " exec {RUN_STAGE} --record {params.plan_record:q} --log {log.plan:q} --attempt {resources.attempt}"
         " --stdout {output.plan:q} -- {PROGRAMS}gsh-reconstruct {params.reconstruction} --threads {threads} --plan"

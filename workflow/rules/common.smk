@@ -74,11 +74,15 @@ def capture_words(wildcards, input):
 def reconstruct_words(wildcards, input):
     """The options of a reconstruction by which its avatar may differ."""
     words = ["--capture", *capture_words(wildcards, input), "--backend", config["reconstruct"]["backend"]]
-    options = subject_of(wildcards).options
-    if not any(option.split("=")[0] == "--image-memory" for option in options):
-        # Plan and run shall hold the same images, whatever memory their two machines have.
-        words += ["--image-memory", "1000000000000000"]
-    return shlex.join([*words, *options])
+    subject = subject_of(wildcards)
+    memory = [] if subject.image_memory() else image_memory_words(subject)  # else it is among the options
+    return shlex.join([*words, *memory, *subject.options])
+
+
+def image_memory_words(subject):
+    """The option --image-memory of a subject. Without one, all jobs hold all images, so that plan and run need the same
+    memory, whatever their machines have."""
+    return ["--image-memory", subject.image_memory() or "1000000000000000"]
 
 
 def log_of(stage):
@@ -117,7 +121,11 @@ def capture_mb(wildcards):
 
 def loading_mb(wildcards, attempt):
     """Memory to look at a capture. A decoded image takes about ten times its file."""
-    return per_attempt(500 + 12 * capture_mb(wildcards), attempt)
+    images = 12 * capture_mb(wildcards)
+    limit = subject_of(wildcards).image_memory()
+    if limit and limit.isdecimal():
+        images = min(images, int(limit) / 1e6)
+    return per_attempt(500 + images, attempt)
 
 
 def loading_minutes(wildcards, attempt):

@@ -5,7 +5,7 @@
 
 def evaluate_words(wildcards, input):
     words = ["--capture", *capture_words(wildcards, input), "--configs", ",".join(config["evaluate"]["configs"])]
-    return shlex.join(words + shlex.split(config["evaluate"]["options"]))
+    return shlex.join(words + image_memory_words(subject_of(wildcards)) + shlex.split(config["evaluate"]["options"]))
 
 
 def evaluating_minutes(wildcards, input, attempt):

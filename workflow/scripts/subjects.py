@@ -36,6 +36,14 @@ class Subject:
             return ["avatar"]
         return [f"avatar-{PurePath(poses).stem}" for poses in self.poses]
 
+    def image_memory(self) -> str | None:
+        """The value of --image-memory among the options; None without it."""
+        for option, following in zip(self.options, (*self.options[1:], None)):
+            name, equals, value = option.partition("=")
+            if name == "--image-memory":
+                return value if equals else following
+        return None
+
 
 def read_subjects(path: str | Path, config: dict[str, Any]) -> dict[str, Subject]:
     """The subjects of a table, by name. Cells that a row leaves empty have the values of the settings.

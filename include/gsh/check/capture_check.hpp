@@ -15,7 +15,6 @@
 #include <gsh/check/exposure.hpp>
 #include <gsh/check/silhouette.hpp>
 #include <gsh/core/error.hpp>
-#include <gsh/image/trimap.hpp>
 #include <gsh/io/capture/capture_data.hpp>
 #include <gsh/math/spread.hpp>
 
@@ -30,7 +29,10 @@ namespace gsh {
 
 struct CaptureCheckParams {
     std::size_t frames = 0; ///< number of frames to check, evenly spaced; 0: all
-    CaptureSearchParams search;
+    /// About so many images have an exposure, at least 3 of each camera. Their equations grow with the square of the
+    /// number, the time to solve them with its cube.
+    std::size_t exposures = 1500;
+    CaptureSearchParams search = {};
 };
 
 /// Compares masks with the silhouettes of all posed bodies, with the files as given and under other conventions. A
@@ -106,7 +108,7 @@ private:
                 if (usable && person.area > 0)
                     view.people.back().covered = static_cast<double>(person.covered) / static_cast<double>(person.area);
             }
-            view.background_removed = background_is_removed(capture_.image(views[i]).data);
+            view.background_removed = capture_.background_is_removed(views[i]);
             if (usable) {
                 view.iou = looks[i].overlap.iou();
                 usable_.push_back(view.view);
@@ -324,14 +326,16 @@ private:
             missing[i] = static_cast<double>(eroded(lacking, band).area()) /
                          static_cast<double>(std::max<std::size_t>(1, body.area()));
         });
+        const std::vector<CaptureView> compared = few_views(usable_, capture_.cameras.size(), params_.exposures);
         std::vector<std::size_t> camera_of;
-        for (const CaptureView& view : usable_) camera_of.push_back(view.camera);
-        const auto stops = exposures(seen_colors(looks, usable_), camera_of);
-        std::size_t next = 0;
+        for (const CaptureView& view : compared) camera_of.push_back(view.camera);
+        const auto stops = exposures(seen_colors(looks, compared), camera_of);
+        std::size_t next = 0, next_compared = 0;
         for (ViewCheck& v : result_.views) {
             if (v.mask != ViewCheck::Mask::usable) continue;
-            v.missing = missing[next], v.stops = stops[next];
-            ++next;
+            v.missing = missing[next++];
+            if (next_compared < compared.size() && capture_.index(compared[next_compared]) == capture_.index(v.view))
+                v.stops = stops[next_compared++];
         }
     }
 };
@@ -368,8 +372,8 @@ CaptureCheck check_capture(E& executor, const Capture& capture, const std::vecto
         check_size(where, "frames of a motion", person.motion->frame_count(), capture.frame_count(),
                    "store a pose of everybody for each of the capture's");
     }
-    check_size(where, "images", capture.images.size(), capture.cameras.size() * capture.frame_count(),
-               "store one per camera and frame");
+    check_size(where, "images", capture.stored ? capture.stored->facts.size() : capture.images.size(),
+               capture.cameras.size() * capture.frame_count(), "store one per camera and frame");
     return detail::CaptureChecker<E>(executor, capture, people, params).check();
 }
 

@@ -38,7 +38,8 @@ struct ViewCheck {
     /// Area of the bodies that the mask lacks, without narrow bands, as a fraction of the bodies' area. No value if the
     /// mask is not usable, or if mistakes were found in how the files are read; likewise for the exposure.
     std::optional<double> missing = {};
-    /// Exposure of red, green and blue in stops, 0 in the mean of a camera. No value if no colour could be compared.
+    /// Exposure of red, green and blue in stops, 0 in the mean of a camera. No value if no colour could be compared,
+    /// and for the rest of more images than CaptureCheckParams::exposures.
     std::optional<vec3<double>> stops = {};
     bool background_removed = false; ///< whether the image is black, or white, wherever alpha is 0
     std::vector<Person> people = {}; ///< in the order in which they were given

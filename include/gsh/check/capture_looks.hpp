@@ -4,6 +4,7 @@
 
 #include <gsh/backend/backend.hpp>
 #include <gsh/camera/pinhole.hpp>
+#include <gsh/check/capture_masks.hpp>
 #include <gsh/check/capture_reading.hpp>
 #include <gsh/check/silhouette.hpp>
 #include <gsh/core/span.hpp>
@@ -44,7 +45,7 @@ public:
     using Vertices = Span<const vec3<double>>; ///< of one body; empty for a person who is absent
 
     CaptureLooks(E& executor, const Capture& capture, const std::vector<CheckedPerson>& people)
-        : executor_(executor), capture_(capture), people_(people), posed_(people.size()) {
+        : executor_(executor), capture_(capture), masks_(capture), people_(people), posed_(people.size()) {
         for (const CheckedPerson& person : people)
             counterparts_.push_back(joint_counterparts(*person.body, person.motion->betas));
     }
@@ -85,7 +86,7 @@ public:
     }
     [[nodiscard]] Silhouette mask(CaptureView view, const CaptureReading& reading, int size) const {
         const CameraReading& own = reading.cameras[view.camera];
-        Silhouette result = mask_silhouette(capture_.image(view), reduction(view.camera, size));
+        Silhouette result = masks_.reduced(view, reduction(view.camera, size));
         if (own.inverted_mask) result.invert();
         if (own.mirrored_image) result.mirror();
         return result;
@@ -183,6 +184,7 @@ public:
 private:
     E& executor_;
     const Capture& capture_;
+    CaptureMasks masks_;
     std::vector<CheckedPerson> people_;
     std::vector<std::vector<int>> counterparts_; // [person]
 

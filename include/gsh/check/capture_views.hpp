@@ -19,13 +19,11 @@ inline std::vector<std::size_t> spread_frames(std::size_t total, std::size_t cou
     return frames;
 }
 
-/// About `count` of the views, at least 3 and at most 12 of each camera, evenly spaced.
-inline std::vector<CaptureView> spread_views(const std::vector<CaptureView>& usable, std::size_t cameras,
-                                             std::size_t count) {
+/// At most `most` views of each camera, evenly spaced, camera by camera.
+inline std::vector<CaptureView> views_of_cameras(const std::vector<CaptureView>& usable, std::size_t cameras,
+                                                 std::size_t most) {
     std::vector<CaptureView> chosen;
-    cameras = std::max<std::size_t>(1, cameras);
-    const std::size_t most = std::clamp<std::size_t>(count / cameras, 3, 12);
-    for (std::size_t c = 0; c < cameras; ++c) {
+    for (std::size_t c = 0; c < std::max<std::size_t>(1, cameras); ++c) {
         std::vector<CaptureView> own;
         for (const CaptureView& v : usable)
             if (v.camera == c) own.push_back(v);
@@ -33,6 +31,20 @@ inline std::vector<CaptureView> spread_views(const std::vector<CaptureView>& usa
         for (std::size_t i = 0; i < each; ++i) chosen.push_back(own[(2 * i + 1) * own.size() / (2 * each)]);
     }
     return chosen;
+}
+
+/// About `count` of the views, at least 3 and at most 12 of each camera, evenly spaced.
+inline std::vector<CaptureView> spread_views(const std::vector<CaptureView>& usable, std::size_t cameras,
+                                             std::size_t count) {
+    const std::size_t most = std::clamp<std::size_t>(count / std::max<std::size_t>(1, cameras), 3, 12);
+    return views_of_cameras(usable, cameras, most);
+}
+
+/// All views; if they are more than `count`, about so many, at least 3 of each camera, evenly spaced.
+inline std::vector<CaptureView> few_views(const std::vector<CaptureView>& usable, std::size_t cameras,
+                                          std::size_t count) {
+    if (usable.size() <= count) return usable;
+    return views_of_cameras(usable, cameras, std::max<std::size_t>(3, count / std::max<std::size_t>(1, cameras)));
 }
 
 } // namespace gsh::detail

@@ -164,7 +164,7 @@ template <HostExecutor E>
     looks.start_from(as_given.motions);
     looks.for_views(views, as_given, [&](std::size_t i, const std::vector<Span<const vec3<double>>>& everybody) {
         const Camera<double>& camera = capture.cameras[views[i].camera].camera;
-        const PixelImage& image = capture.image(views[i]);
+        const PixelImage image = capture.read_image(views[i]);
         cpu::Serial serial;
         std::vector<MeshImage> bodies;
         for (std::size_t p = 0; p < people.size(); ++p)

@@ -6,6 +6,7 @@
 #include <gsh/body/motion_span.hpp>
 #include <gsh/core/error.hpp>
 #include <gsh/core/span.hpp>
+#include <gsh/image/chroma.hpp>
 #include <gsh/image/pixel_box.hpp>
 #include <gsh/image/trimap.hpp>
 #include <gsh/io/capture/named_camera.hpp>
@@ -48,8 +49,12 @@ public:
         bool taken = false;
         bool shows_person = false; ///< alpha exceeds 1/2 somewhere
         bool half_chroma = false;  ///< has_half_chroma
+        bool background_removed = false; ///< background_is_removed
         PixelBox mask = {};        ///< box_of_mask
     };
+
+    /// The facts of an image that was taken.
+    [[nodiscard]] static Facts facts_of(const PixelImage& image);
 
     StoredImages() = default;
     StoredImages(const StoredImages&) = delete;
@@ -63,6 +68,14 @@ public:
     std::vector<Facts> facts; ///< of each image
     std::uint64_t memory = 0; ///< CaptureOptions::image_memory, for what is kept of images that were read
 };
+
+inline StoredImages::Facts StoredImages::facts_of(const PixelImage& image) {
+    return {.taken = true,
+            .shows_person = detail::shows_person(image),
+            .half_chroma = has_half_chroma(image.data, image.height, image.width),
+            .background_removed = gsh::background_is_removed(image.data),
+            .mask = box_of_mask(image.data, image.height, image.width)};
+}
 
 /// A person filmed by calibrated cameras, held in memory.
 ///
@@ -107,6 +120,10 @@ struct Capture {
     /// Whether alpha exceeds 1/2 somewhere in an image.
     [[nodiscard]] bool shows_person(CaptureView view) const {
         return stored ? stored->facts[index(view)].shows_person : detail::shows_person(image(view));
+    }
+    /// Whether the background was removed from an image (gsh::background_is_removed).
+    [[nodiscard]] bool background_is_removed(CaptureView view) const {
+        return stored ? stored->facts[index(view)].background_removed : gsh::background_is_removed(image(view).data);
     }
     /// The pixels of a view that are not compared, because something is in front of the person.
     [[nodiscard]] Span<const UnknownPixel> hidden_in(CaptureView view) const {

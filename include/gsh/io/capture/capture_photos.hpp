@@ -5,7 +5,6 @@
 #include <gsh/backend/backend.hpp>
 #include <gsh/body/body_model.hpp>
 #include <gsh/core/error.hpp>
-#include <gsh/image/chroma.hpp>
 #include <gsh/image/pixel_box.hpp>
 #include <gsh/io/capture/camera_image.hpp>
 #include <gsh/io/capture/capture_data.hpp>
@@ -170,12 +169,11 @@ void load_photos(E& executor, PhotoFiles photo_files, int factor, const CaptureO
     const auto finish = [&](std::size_t i, PixelImage image) {
         image = reader->finished(i, std::move(image));
         StoredImages::Facts& facts = reader->facts[i];
-        facts.taken = true, facts.shows_person = shows_person(image);
-        if (holds) {
+        if (holds) { // the other facts are asked of the image
+            facts.taken = true, facts.shows_person = shows_person(image);
             capture.images[i] = std::move(image);
         } else {
-            facts.half_chroma = has_half_chroma(image.data, image.height, image.width);
-            facts.mask = box_of_mask(image.data, image.height, image.width);
+            facts = StoredImages::facts_of(image);
         }
     };
     load_all(executor, count, [&](std::size_t i) {
