@@ -15,6 +15,7 @@
 #include <gsh/cpu.hpp>
 #include <gsh/gaussian/cloud_edits.hpp>
 #include <gsh/io/file/atomic_folder.hpp>
+#include <gsh/io/file/folder_entries.hpp>
 #include <gsh/io/model/avatar_file.hpp>
 #include <gsh/io/model/gltf_mesh.hpp>
 #include <gsh/io/splat/any_splats.hpp>
@@ -24,6 +25,7 @@
 #include <algorithm>
 #include <cstdio>
 #include <functional>
+#include <string_view>
 #include <system_error>
 #include <utility>
 
@@ -179,10 +181,12 @@ std::vector<std::uint32_t> order_for(const FormatTraits& traits, const GaussianC
 }
 
 std::uintmax_t bytes_of(const std::filesystem::path& path) {
-    std::error_code ignored;
-    if (!std::filesystem::is_directory(path, ignored)) return std::filesystem::file_size(path, ignored);
+    std::error_code error;
+    if (!std::filesystem::is_directory(path, error)) return std::filesystem::file_size(path, error);
     std::uintmax_t sum = 0;
-    for (const auto& entry : std::filesystem::directory_iterator(path, ignored)) sum += entry.file_size(ignored);
+    (void)gsh::detail::for_each_name(path, [&](std::string_view name) {
+        if (const std::uintmax_t bytes = std::filesystem::file_size(path / name, error); !error) sum += bytes;
+    });
     return sum;
 }
 
