@@ -14,6 +14,7 @@
 
 #include <gsh/avatar/coarser_avatar.hpp>
 #include <gsh/backend/threads.hpp>
+#include <gsh/core/message.hpp>
 #include <gsh/gaussian/cloud_edits.hpp>
 #include <gsh/io/splat/still_splats.hpp>
 
@@ -57,9 +58,11 @@ int run_export(const ExportOptions& options) {
                                                                       : export_scene(options, traits);
     if (result.files == 0) return exit_interrupted;
     if (!result.losses.empty()) warn(result.path.string() + ": " + result.losses);
-    std::printf("%s: %s%zu Gaussians, %s%.1f MB\n", result.path.c_str(), options.mesh ? "a mesh of " : "",
-                result.gaussians, result.files > 1 ? (std::to_string(result.files) + " files, ").c_str() : "",
-                static_cast<double>(bytes_of(result.path)) / 1e6);
+    std::string sizes;
+    if (result.files > 1) sizes = ", " + std::to_string(result.files) + " files";
+    if (const auto bytes = bytes_of(result.path)) sizes += ", " + fixed(static_cast<double>(*bytes) / 1e6, 1) + " MB";
+    std::printf("%s: %s%zu Gaussians%s\n", result.path.c_str(), options.mesh ? "a mesh of " : "", result.gaussians,
+                sizes.c_str());
     return exit_done;
 }
 

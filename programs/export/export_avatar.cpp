@@ -25,6 +25,7 @@
 #include <algorithm>
 #include <cstdio>
 #include <functional>
+#include <optional>
 #include <string_view>
 #include <system_error>
 #include <utility>
@@ -180,13 +181,14 @@ std::vector<std::uint32_t> order_for(const FormatTraits& traits, const GaussianC
     return traits.splats && traits.splats->order ? traits.splats->order(cloud) : std::vector<std::uint32_t>();
 }
 
-std::uintmax_t bytes_of(const std::filesystem::path& path) {
+std::optional<std::uintmax_t> bytes_of(const std::filesystem::path& path) {
     std::error_code error;
-    if (!std::filesystem::is_directory(path, error)) return std::filesystem::file_size(path, error);
+    if (!std::filesystem::is_directory(path, error)) {
+        const std::uintmax_t bytes = std::filesystem::file_size(path, error);
+        return error ? std::nullopt : std::optional(bytes);
+    }
     std::uintmax_t sum = 0;
-    (void)gsh::detail::for_each_name(path, [&](std::string_view name) {
-        if (const std::uintmax_t bytes = std::filesystem::file_size(path / name, error); !error) sum += bytes;
-    });
+    (void)gsh::detail::for_each_name(path, [&](std::string_view name) { sum += bytes_of(path / name).value_or(0); });
     return sum;
 }
 

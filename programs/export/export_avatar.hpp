@@ -7,6 +7,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -32,7 +33,7 @@ ExportResult export_avatar_file(const ExportOptions& options, const FormatTraits
 /// The order in which a format stores Gaussians best; empty for their own.
 std::vector<std::uint32_t> order_for(const FormatTraits& traits, const GaussianCloud<float>& cloud);
 
-/// The size of a file, or of all files of a folder.
-std::uintmax_t bytes_of(const std::filesystem::path& path);
+/// The size of a file, or of all files of a folder; none for a pipe or a device.
+std::optional<std::uintmax_t> bytes_of(const std::filesystem::path& path);
 
 } // namespace gsh::programs

@@ -6,12 +6,16 @@
 #include "support/contains.hpp"
 #include "support/skip.hpp"
 
+#include <gsh/io/file/atomic_file.hpp>
 #include <gsh/io/file/input_file.hpp>
 #include <gsh/io/file/npy.hpp>
 #include <gsh/io/motion/motion_file.hpp>
 #include <gsh/io/splat/any_splats.hpp>
 
+#include <sys/stat.h>
+
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <cstddef>
 #include <cstdlib>
@@ -20,6 +24,7 @@
 #include <initializer_list>
 #include <string>
 #include <string_view>
+#include <thread>
 #include <vector>
 
 using namespace gsh;
@@ -86,6 +91,40 @@ std::string python_with(const std::string& module) {
 }
 
 } // namespace
+
+TEST_CASE("a file is written through a link, into a pipe and into a device") {
+    const ExportedActor& s = exported_actor();
+    const std::string expected = read_file(s.scene);
+    write_file(s.folder / "linked.ply", "old");
+    fs::create_symlink("linked.ply", s.folder / "link.ply");
+    const Outcome linked = s.make(s.avatar, "link.ply");
+    check_done(linked);
+    CHECK(linked.out == test::contains(" MB\n"));
+    CHECK(fs::is_symlink(s.folder / "link.ply"));
+    CHECK(read_file(s.folder / "linked.ply") == expected);
+    CHECK(!fs::is_symlink(s.folder / "linked.ply"));
+
+    // Neither of these has a size, and both stay what they are.
+    const fs::path pipe = s.folder / "pipe.ply", copy = s.folder / "copy.ply", nothing = s.folder / "nothing.ply";
+    REQUIRE(::mkfifo(pipe.c_str(), 0600) == 0);
+    const Outcome piped = run({"gsh-export", s.avatar.string(), "--to", pipe.string()},
+                              "timeout 20 cat '" + pipe.string() + "' >'" + copy.string() + "' & timeout 20");
+    check_done(piped);
+    CHECK(piped.out == pipe.string() + ": 1500 Gaussians\n");
+    for (int tries = 0; tries < 100 && fs::file_size(copy) < expected.size(); ++tries) // cat ends by itself
+        std::this_thread::sleep_for(std::chrono::milliseconds(50));
+    CHECK(read_file(copy) == expected);
+    CHECK(fs::is_fifo(pipe));
+    fs::create_symlink("/dev/null", nothing);
+    const Outcome lost = s.make(s.avatar, "nothing.ply");
+    check_done(lost);
+    CHECK(lost.out == nothing.string() + ": 1500 Gaussians\n");
+    CHECK(fs::is_character_file(nothing));
+
+    fs::create_symlink("missing/a.ply", s.folder / "nowhere.ply");
+    check_refused(s.make(s.avatar, "nowhere.ply"), "gsh-export", {"nowhere.ply", "cannot be created"});
+    CHECK(fs::is_symlink(s.folder / "nowhere.ply"));
+}
 
 TEST_CASE("each still format of a posed frame is drawn like the avatar itself") {
     const ExportedActor& s = exported_actor();
