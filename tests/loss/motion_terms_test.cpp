@@ -77,13 +77,17 @@ TEST_CASE("frames are linked in time, at their distance, past those that are lef
 
 TEST_CASE("the terms' gradient, rotations and numbers, uneven times, frames left out") {
     test::Rng rng(5);
-    for (const std::vector<std::size_t>& out : {std::vector<std::size_t>{}, std::vector<std::size_t>{2, 5}}) {
-        Fixture<RotationSequence<double>, vec3<double>> rotations{link_frames(uneven, out), rng.vecs(14),
-                                                                  rng.vecs(14, -0.3, 0.3), 2};
-        check_terms(rotations);
-        Fixture<NumberSequence<double>, double> numbers{link_frames(uneven, out), rng.numbers(21), rng.numbers(21), 3};
-        check_terms(numbers);
-    }
+    std::vector<double> turned = uneven; // the first two frames are the last in time
+    std::rotate(turned.begin(), turned.end() - 2, turned.end());
+    for (const std::vector<double>& times : {uneven, turned})
+        for (const std::vector<std::size_t>& out : {std::vector<std::size_t>{}, std::vector<std::size_t>{2, 5}}) {
+            Fixture<RotationSequence<double>, vec3<double>> rotations{link_frames(times, out), rng.vecs(14),
+                                                                      rng.vecs(14, -0.3, 0.3), 2};
+            check_terms(rotations);
+            Fixture<NumberSequence<double>, double> numbers{link_frames(times, out), rng.numbers(21), rng.numbers(21),
+                                                            3};
+            check_terms(numbers);
+        }
 }
 
 TEST_CASE("sequences of no, one and two frames have gradients, too") {
