@@ -44,11 +44,9 @@ ReconstructionInput load_people(cpu::Threads& backend, const PeopleOptions& o, c
     ReconstructionInput input;
     CaptureOptions options = how;
     options.input_fps = o.input_fps;
-    const std::uint64_t half = half_of(memory_of_machine());
-    if (o.image_memory > 0)
-        options.image_memory = o.image_memory;
-    else
-        options.image_memory = how.image_memory > 0 ? std::min(half, how.image_memory) : half;
+    options.image_memory = half_of(memory_of_machine());
+    if (how.image_memory > 0) options.image_memory = std::min(options.image_memory, how.image_memory);
+    if (o.image_memory > 0) options.image_memory = o.image_memory;
     for (const auto& file : o.bodies) input.bodies.push_back(body_of_file(file));
     const std::vector<std::filesystem::path> poses(o.poses.begin(), o.poses.end());
     PeopleCapture loaded = people_of_folder(backend, o.capture, input.bodies, poses, options, input.warnings);

@@ -55,12 +55,7 @@ public:
     /// gsh::empty_error of a photograph, with a source or without.
     /// Errors  as in HeldPhoto, if it was not read yet.
     [[nodiscard]] double empty_error(std::size_t index) const {
-        if (!measured(index)) {
-            if (photos_[index].source)
-                (void)read(index);
-            else
-                set_measured(index, photos_[index]);
-        }
+        if (!measured(index)) set_measured(index, *HeldPhoto(photos_[index]));
         return *measured(index);
     }
 
